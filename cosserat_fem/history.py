@@ -1,0 +1,244 @@
+"""What is kept? Accepted states, reactions, how each was found, and what can be asked of them.
+
+Rule: a history answers questions and calls no solver. Rows follow time; arrays along a rod follow its arc length; forces
+and moments of supports are those ON the rod, in space, the moment about the supported point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from .curve import CurveGeometry, curve_geometry
+from .errors import nearest
+from .kernels.rotation import matrix_from_quaternion
+from .mechanism import Hinge, Part
+from .model import Model
+from .newton import Counters
+from .rod import Rod
+from .space import State
+from .support import Support
+
+if TYPE_CHECKING:
+    import meshio
+    import pyvista
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One accepted state: reactions (supports, 6), iterations, relative residual, negative eigenvalues or -1."""
+
+    state: State
+    reactions: np.ndarray
+    iterations: int
+    residual: float
+    negative: int
+
+
+@dataclass(eq=False)
+class History:
+    """Accepted states of one run of a model.
+
+    Attributes
+    ----------
+    t : (T,) [s]
+    status : "converged" or "stopped"
+    message : str
+        What happened, in words.
+    counters : Counters
+    """
+
+    model: Model
+    records: list[Record] = field(default_factory=list)
+    status: Literal["converged", "stopped"] = "converged"
+    message: str = ""
+    counters: Counters = field(default_factory=Counters)
+
+    def __repr__(self) -> str:
+        span = f"t = {self.t[0]:g} .. {self.t[-1]:g} s, " if self.records else ""
+        return f"<History: {len(self.records)} states, {span}{self.status}>"
+
+    def __len__(self) -> int:
+        return len(self.records)
+
+    @property
+    def t(self) -> np.ndarray:
+        return np.array([record.state.t for record in self.records])
+
+    @property
+    def final(self) -> State:
+        """The last accepted state."""
+        if not self.records:
+            raise ValueError("history: holds no state; the run stopped before the first one.")
+        return self.records[-1].state
+
+    def nodes(self, rod: Rod | str) -> np.ndarray:
+        """Arc lengths (N,) [m] of a rod's nodes."""
+        return self.model.space[self._rod(rod)].s
+
+    def stations(self, rod: Rod | str) -> np.ndarray:
+        """Arc lengths (Q,) [m] of a rod's Gauss points, where strains and section forces are most accurate."""
+        return self.model.space[self._rod(rod)].s_gauss
+
+    def positions(self, rod: Rod | str) -> np.ndarray:
+        """Node positions (T, N, 3) [m]."""
+        nodes = self.model.space[self._rod(rod)].nodes
+        return np.array([record.state.r[nodes] for record in self.records])
+
+    def directors(self, rod: Rod | str) -> np.ndarray:
+        """Section frames [d1 d2 d3] (T, N, 3, 3) at the nodes."""
+        nodes = self.model.space[self._rod(rod)].nodes
+        return matrix_from_quaternion(np.array([record.state.q[nodes] for record in self.records]))
+
+    def strains(self, rod: Rod | str) -> np.ndarray:
+        """(shear 1, shear 2, stretch, bend 1, bend 2, twist) (T, Q, 6) [-, 1/m] minus the stress-free shape's."""
+        return self._along(rod)[0]
+
+    def section_forces(self, rod: Rod | str, frame: Literal["material", "spatial"] = "material") -> np.ndarray:
+        """Force and moment (T, Q, 6) [N, N m] of the part beyond s on the part before it, in directors or in space."""
+        strain, frames = self._along(rod)
+        view = self.model.space[self._rod(rod)]
+        C = self.model.space.groups[view.group].stiffness[view.elements].reshape(-1, 6, 6)
+        forces = np.einsum("qij,tqj->tqi", C, strain)
+        if frame == "spatial":
+            forces = np.einsum("tqij,tqkj->tqki", frames, forces.reshape(*forces.shape[:2], 2, 3))
+            forces = forces.reshape(*forces.shape[:2], 6)
+        elif frame != "material":
+            raise ValueError(f"section_forces: frame must be 'material' or 'spatial' (got {frame!r}).")
+        return forces
+
+    def reaction(self, support: Support | str) -> np.ndarray:
+        """Force and moment (T, 6) [N, N m] of a support on the rod, in space, about the supported point."""
+        row = self._support(support)
+        return np.array([record.reactions[row] for record in self.records]).reshape(-1, 6)
+
+    def support_place(self, support: Support | str) -> np.ndarray:
+        """Place (T, 3) [m] of the supported point."""
+        node = self.model.constraints.support_node[self._support(support)]
+        return np.array([record.state.r[node] for record in self.records])
+
+    def hinge_torque(self, part: Part | str) -> np.ndarray:
+        """Torque (T,) [N m] about a part's hinge axis that a drive must supply against the rods.
+
+        z . (r x F + M) summed over the part's supports, F and M on the rod, r from the axis.
+        """
+        part = self._part(part)
+        if not isinstance(part.motion, Hinge):
+            raise ValueError(f"hinge_torque: part {part.name!r} has no hinge.")
+        hinge = part.motion
+        total = np.zeros(len(self.records))
+        for support in self.model.supports:
+            if support.to is part:
+                load = self.reaction(support)
+                arm = self.support_place(support) - hinge.point
+                total += (np.cross(arm, load[:, :3]) + load[:, 3:]) @ hinge.axis
+        return total
+
+    def hinge_angle(self, part: Part | str) -> np.ndarray:
+        """Angle (T,) [rad] of a part's hinge."""
+        part = self._part(part)
+        if not isinstance(part.motion, Hinge):
+            raise ValueError(f"hinge_angle: part {part.name!r} has no hinge.")
+        return np.array([part.motion.angle_at(t) for t in self.t])
+
+    @property
+    def energy(self) -> np.ndarray:
+        """Strain energy (T,) [J] of all rods."""
+        total = np.zeros(len(self.records))
+        for rod in self.model.rods:
+            view = self.model.space[rod]
+            group = self.model.space.groups[view.group]
+            C = group.stiffness[view.elements].reshape(-1, 6, 6)
+            strain = self.strains(rod)
+            total += 0.5 * np.einsum("tqi,qij,tqj,q->t", strain, C, strain, group.dx[view.elements].ravel())
+        return total
+
+    @property
+    def stable(self) -> list[bool | None]:
+        """For each state whether the tangent is positive definite; None where loads have no potential."""
+        return [None if record.negative < 0 else record.negative == 0 for record in self.records]
+
+    def curve(self, rod: Rod | str, step: int = -1) -> CurveGeometry:
+        """Frenet frame, curvature, torsion, section axes and Kardan angles of a rod at one state, at the Gauss points.
+
+        r' = R Gamma; higher derivatives by r'' = R (Gamma' + K x Gamma) and so on, with Gamma', K' from the polynomial
+        through the Gauss points of each element.
+        """
+        rod = self._rod(rod)
+        view = self.model.space[rod]
+        group = self.model.space.groups[view.group]
+        state = self.records[step].state
+        strain, frames = self.model.space.strain_and_frame(state, view.group)
+        strain, frames = strain[view.elements], frames[view.elements]
+        E, Q = strain.shape[:2]
+        s = view.s_gauss.reshape(E, Q)
+        slope = _differentiation(group.basis.X[0]) / group.dx[view.elements].sum(axis=1)[:, None, None]
+        d_strain = np.einsum("eij,ejk->eik", slope, strain)
+        dd_strain = np.einsum("eij,ejk->eik", slope, d_strain)
+        gamma, kappa = strain[..., :3], strain[..., 3:]
+        a = d_strain[..., :3] + np.cross(kappa, gamma)
+        d_a = dd_strain[..., :3] + np.cross(d_strain[..., 3:], gamma) + np.cross(kappa, d_strain[..., :3])
+        derivatives = [gamma, a, d_a + np.cross(kappa, a)]
+        d1, d2, d3 = (np.einsum("eqij,eqj->eqi", frames, v).reshape(-1, 3) for v in derivatives)
+        position = np.einsum("qa,eai->eqi", group.N, state.r[group.conn[view.elements]]).reshape(-1, 3)
+        return curve_geometry(
+            s.ravel(), position, d1, d2, d3, directors=frames.reshape(-1, 3, 3), bending_twist=kappa.reshape(-1, 3)
+        )
+
+    def to_pyvista(self, step: int = -1) -> pyvista.PolyData:
+        """Line cells with node and cell fields of one state, as in the history file."""
+        from .export import polydata
+
+        return polydata(self, step)
+
+    def to_meshio(self, step: int = -1) -> meshio.Mesh:
+        """As `to_pyvista`, for meshio."""
+        from .export import meshio_mesh
+
+        return meshio_mesh(self, step)
+
+    def _along(self, rod: Rod | str) -> tuple[np.ndarray, np.ndarray]:
+        """Strains minus reference (T, Q, 6) and frames (T, Q, 3, 3)."""
+        rod = self._rod(rod)
+        view = self.model.space[rod]
+        group = self.model.space.groups[view.group]
+        strains, frames = [], []
+        for record in self.records:
+            strain, frame = self.model.space.strain_and_frame(record.state, view.group)
+            strains.append((strain - group.reference)[view.elements].reshape(-1, 6))
+            frames.append(frame[view.elements].reshape(-1, 3, 3))
+        n = len(view.s_gauss)
+        return np.array(strains).reshape(-1, n, 6), np.array(frames).reshape(-1, n, 3, 3)
+
+    def _rod(self, rod: Rod | str) -> Rod:
+        return _find("rod", rod, {r.name: r for r in self.model.rods})
+
+    def _part(self, part: Part | str) -> Part:
+        return _find("part", part, {p.name: p for p in self.model.parts})
+
+    def _support(self, support: Support | str) -> int:
+        found = _find("support", support, {str(h.name): h for h in self.model.supports})
+        return self.model.supports.index(found)
+
+
+def _find(kind: str, wanted: Any, known: dict[str, Any]) -> Any:
+    """The object itself or by its name; ValueError with the nearest name."""
+    if isinstance(wanted, str):
+        if wanted not in known:
+            raise ValueError(f"history: no {kind} named {wanted!r}. {nearest(wanted, known)}")
+        return known[wanted]
+    if wanted not in known.values():
+        raise ValueError(f"history: this {kind} is not part of the model. {nearest(getattr(wanted, 'name', ''), known)}")
+    return wanted
+
+
+def _differentiation(points: np.ndarray) -> np.ndarray:
+    """Matrix (Q, Q) that takes values at points to slopes of the polynomial through them."""
+    n = len(points)
+    V = np.vander(points - 0.5, n, increasing=True)
+    powers = np.arange(n)
+    dV = np.zeros_like(V)
+    dV[:, 1:] = powers[1:] * V[:, :-1]
+    return dV @ np.linalg.inv(V)

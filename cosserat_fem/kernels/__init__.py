@@ -1,0 +1,39 @@
+"""Compiled kernels: plain functions on arrays, components written out, nothing else.
+
+Rule: only this folder imports numba; a kernel knows no object of the package and allocates nothing inside its loops.
+Every kernel has a readable form (`forms.py`, or NumPy in its test) and one test that holds the two equal.
+
+Compiled code is kept on disk. numba renews it when the file of the function changes, but not when a function that was
+inlined from another file does: after an update of one file a stale kernel would go on with the old memory layout of
+another. So the stamp of every kernel is the content of all of them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pathlib
+from collections.abc import Callable
+from typing import Any
+
+from numba import njit
+
+
+def _stamp() -> str:
+    digest = hashlib.sha256()
+    for path in sorted(pathlib.Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+STAMP = _stamp()
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a function, once per machine and content of this folder.
+
+    `contract` lets a multiply and an add become one instruction; no other reordering is allowed, so results do not
+    depend on how a loop was vectorised.
+    """
+    compiled = njit(cache=True, error_model="numpy", fastmath={"contract"})(function)
+    compiled._cache._cache_file._source_stamp = STAMP  # held by tests/kernels/test_cache.py
+    return compiled

@@ -1,0 +1,190 @@
+"""How is one linear system solved? Chains by block elimination, joints by a sparse factorisation or multigrid.
+
+Rule: rods are chains. Everything between joints is eliminated in compiled code at a constant cost per element; what is
+left, six unknowns for each joint, is a sparse symmetric matrix. Below AMG_JOINTS joints it is factorised (SuperLU, minimum degree
+on A + A^T, no pivoting off the diagonal, so that the signs of the pivots still count negative eigenvalues). Above, and
+if the matrix is symmetric and positive definite, conjugate gradients preconditioned with smoothed aggregation (pyamg)
+and the six rigid-body modes are used; an indefinite matrix is met by CG and handed back to SuperLU.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_matrix, csc_matrix
+from scipy.sparse.linalg import splu
+
+from .constraint import Constraints, Held
+from .kernels import chain, condense
+from .kernels.beam import LANES
+from .kernels.nodes import largest_increment
+from .space import Space, State
+from .terms.internal import Condensed
+
+AMG_JOINTS = 4000
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """du (N, 6) [m, rad]; negative: number of negative eigenvalues, or -1 if not known; singular: node without
+    stiffness, or -1; method: "chain", "splu" or "amg"."""
+
+    du: np.ndarray
+    negative: int
+    singular: int
+    method: str
+
+
+class LinearSolver:
+    """Scratch and topology for the linear systems of one model; reused over iterations, never shared."""
+
+    def __init__(self, space: Space, constraints: Constraints) -> None:
+        self.space, self.constraints = space, constraints
+        total = sum(g.n_elements for g in space.groups)
+        self.S, self.rhs = np.empty((total, 12, 12)), np.empty((total, 12))
+        self.scratch, first = [], 0
+        for g in space.groups:
+            n, inner = 6 * (g.order + 1), 6 * (g.order - 1)
+            part = slice(first, first + g.n_elements)
+            factor = np.empty((len(g.packed_conn), inner * (n + 1) * LANES))
+            self.scratch.append(Condensed(self.S[part], self.rhs[part], factor))
+            first += g.n_elements
+        self.joint_of = {int(k): j for j, nodes in enumerate(constraints.joints) for k in nodes}
+        self.segments, n_vertices = self._segments()
+        with_joints = bool(constraints.joints)
+        self.kept = np.empty((n_vertices, 6, 13 if with_joints else 7))
+        self.joint_S = np.empty((len(self.segments), 12, 12))
+        self.joint_rhs = np.empty((len(self.segments), 12))
+        self.du = np.empty((space.n_nodes, 6))
+        if with_joints:
+            self._joint_pattern()
+
+    def _segments(self) -> tuple[np.ndarray, int]:
+        """Runs of elements between joints, see `kernels.chain`; and the number of vertices."""
+        rows, first_of_group, kept = [], np.cumsum([0, *(g.n_elements for g in self.space.groups)]), 0
+        for rod in self.space.rods:
+            view = self.space[rod]
+            first = first_of_group[view.group] + view.elements.start
+            joints = [self.joint_of.get(int(v), -1) for v in view.vertices]
+            last = len(view.vertices) - 1
+            cuts = [0, *(k for k in range(1, last) if joints[k] >= 0), last]
+            for a, b in zip(cuts[:-1], cuts[1:], strict=True):
+                rows.append((first + a, b - a, view.vertices[a], joints[a], joints[b], kept))
+                kept += b - a + 1
+        return np.array(rows, dtype=np.int64), kept
+
+    def _joint_pattern(self) -> None:
+        """Rows and columns of the joint matrix for the entries of joint_S that end at joints on both sides."""
+        ends = self.segments[:, 3:5]
+        unknown = np.where(ends[:, :, None] >= 0, 6 * ends[:, :, None] + np.arange(6), -1).reshape(len(ends), 12)
+        rows = np.broadcast_to(unknown[:, :, None], (len(ends), 12, 12))
+        columns = np.broadcast_to(unknown[:, None, :], (len(ends), 12, 12))
+        self._entry = (rows >= 0) & (columns >= 0)
+        self._rows, self._columns = rows[self._entry], columns[self._entry]
+        self._unknown, self._has_joint = unknown, unknown >= 0
+        self._joint_nodes = np.concatenate(self.constraints.joints)
+        self._joint_index = np.concatenate([np.full(len(n), j) for j, n in enumerate(self.constraints.joints)])
+
+    def solve(self, state: State, g: np.ndarray, held: Held, negative: int, symmetric: bool) -> Solution:
+        """Solve K du = -g with the condensed matrices that stand in `scratch`; `negative`: pivots counted so far.
+
+        The scratch is used up. du of held unknowns is their gap.
+        """
+        c = self.constraints
+        vertex_rhs = -g
+        if c.transforms:
+            chain.transform_vertices(self.S, self.rhs, vertex_rhs, c.nodes, c.left, c.right, held.T)
+            if len(held.at):
+                at = held.at
+                chain.add_to_vertices(self.S, c.nodes[at], c.left[at], c.right[at], held.couples)
+        if len(c.nodes):
+            chain.hold_vertices(
+                self.S, self.rhs, vertex_rhs, c.nodes, c.left, c.right, c.held, held.gap, c.owner
+            )
+        count = chain.eliminate_segments(
+            self.S, self.rhs, vertex_rhs, self.segments, symmetric, self.kept, self.joint_S, self.joint_rhs
+        )
+        if count < 0:
+            return Solution(self.du, -1, -1 - count, "chain")
+        negative, method = negative + count, "chain"
+        y = np.empty((0, 6))
+        if c.joints:
+            y, count, method = self._solve_joints(state, vertex_rhs, held, symmetric)
+            negative = negative + count if count >= 0 else -1
+        du = self.du
+        chain.back_substitute_segments(self.segments, self.kept, y, du)
+        if c.transforms:
+            chain.untransform_vertices(c.nodes, held.T, du)
+        for group, scratch in zip(self.space.groups, self.scratch, strict=True):
+            if group.order > 1:
+                condense.back_substitute(group.packed_conn, group.n_elements, scratch.factor, du)
+        return Solution(du, negative if symmetric else -1, largest_increment(du)[2], method)
+
+    def _solve_joints(
+        self, state: State, vertex_rhs: np.ndarray, held: Held, symmetric: bool
+    ) -> tuple[np.ndarray, int, str]:
+        """Unknowns of the joints (J, 6), number of negative pivots or -1, and how it was done."""
+        n = 6 * len(self.constraints.joints)
+        b = np.zeros(n)
+        np.add.at(b, self._unknown[self._has_joint], self.joint_rhs[self._has_joint])
+        np.add.at(b.reshape(-1, 6), self._joint_index, vertex_rhs[self._joint_nodes])
+        K = coo_matrix((self.joint_S[self._entry], (self._rows, self._columns)), shape=(n, n))
+        if symmetric and len(self.constraints.joints) > AMG_JOINTS:
+            y = solve_amg(K.tocsr(), b, self._rigid_modes(state))
+            if y is not None:
+                return y.reshape(-1, 6), 0, "amg"
+        y, negative = solve_sparse(K.tocsc(), b, symmetric)
+        return y.reshape(-1, 6), negative, "splu"
+
+    def _rigid_modes(self, state: State) -> np.ndarray:
+        """The six rigid motions in the unknowns of the joints (6 J, 6); zero where a joint is held."""
+        nodes = np.array([joint[0] for joint in self.constraints.joints])
+        arm = state.r[nodes] - state.r[nodes].mean(0)
+        H = self.space.spin_axes(state, nodes)
+        modes = np.zeros((len(nodes), 6, 6))
+        modes[:, :3, :3] = np.eye(3)
+        for k in range(3):
+            modes[:, :3, 3 + k] = np.cross(np.eye(3)[k], arm)
+            modes[:, 3:, 3 + k] = np.linalg.solve(H, np.tile(np.eye(3)[k][:, None], (len(nodes), 1, 1)))[..., 0]
+        for j, node in enumerate(nodes):
+            row = self.constraints.row_of.get(int(node))
+            if row is not None:
+                modes[j][self.constraints.held[row]] = 0.0
+        return modes.reshape(-1, 6)
+
+
+def solve_sparse(K: csc_matrix, b: np.ndarray, symmetric: bool) -> tuple[np.ndarray, int]:
+    """Solution and, for a symmetric matrix that needed no exchange of rows, its number of negative eigenvalues, else -1.
+
+    Unknowns are scaled by the diagonal first: forces and moments differ by orders of magnitude.
+    """
+    scale = 1.0 / np.sqrt(np.maximum(np.abs(K.diagonal()), 1e-300))
+    scaled = K.multiply(scale[:, None]).multiply(scale[None, :]).tocsc()
+    options = {"SymmetricMode": True} if symmetric else {}
+    try:
+        lu = splu(
+            scaled,
+            permc_spec="MMD_AT_PLUS_A" if symmetric else "COLAMD",
+            diag_pivot_thresh=0.0 if symmetric else 1.0,
+            options=options,
+        )
+    except RuntimeError:  # exactly singular
+        return np.full_like(b, np.nan), -1
+    y = scale * lu.solve(scale * b)
+    counted = symmetric and np.array_equal(lu.perm_r, lu.perm_c)
+    return y, int((lu.U.diagonal() < 0).sum()) if counted else -1
+
+
+def solve_amg(K, b: np.ndarray, modes: np.ndarray, tolerance: float = 1e-12) -> np.ndarray | None:
+    """Conjugate gradients with smoothed aggregation; None if the matrix turns out indefinite or CG does not converge."""
+    import warnings
+
+    import pyamg
+
+    blocks = K.tobsr(blocksize=(6, 6))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        levels = pyamg.smoothed_aggregation_solver(blocks, B=modes, symmetry="symmetric", max_coarse=600)
+        y, info = pyamg.krylov.cg(blocks, b, tol=tolerance, maxiter=300, M=levels.aspreconditioner())
+    return y if info == 0 and np.isfinite(y).all() else None

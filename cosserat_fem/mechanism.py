@@ -1,0 +1,283 @@
+"""What is rigid and how does it move? Parts, their motion, their meshes.
+
+Rule: a part is drawn in its reference place; its motion gives at each time the rigid displacement from there,
+x(t) = R(t) X + c(t). At a hinge angle of 0, a travel of 0 or the first pose of a path every part stands as drawn.
+"""
+
+from __future__ import annotations
+
+import os
+import pathlib
+from dataclasses import dataclass, field
+from math import ceil, pi
+from typing import Any, Protocol
+
+import numpy as np
+
+from .curve import unit
+from .errors import MeshError, check_name, check_positive, check_shape
+from .kernels.rotation import (
+    conjugate,
+    matrix_from_quaternion,
+    matrix_from_vector,
+    multiply,
+    quaternion_from_vector,
+    relative_rotation,
+)
+from .schedule import Schedule
+
+
+class Motion(Protocol):
+    """What a part needs to know of its motion."""
+
+    def pose(self, t: float) -> tuple[np.ndarray, np.ndarray]:
+        """Rotation matrix R (3, 3) and translation c (3,) [m] at time t [s]."""
+        ...
+
+    def stages(self, t0: float, t1: float) -> int:
+        """Into how many steps t0..t1 must be cut so that no step turns by more than a quarter turn."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Hinge:
+    """Turning about a fixed axis.
+
+    Parameters
+    ----------
+    point : (3,) [m]
+        A point of the axis.
+    axis : (3,)
+        Direction, any length; the angle is right-handed about it.
+    angle : rate [rad/s], (times, angles [rad]) or function of t
+    """
+
+    point: Any
+    axis: Any
+    angle: Any
+    schedule: Schedule = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", check_shape("hinge: point", self.point, (3,)))
+        object.__setattr__(self, "axis", unit("hinge: axis", self.axis))
+        object.__setattr__(self, "schedule", Schedule("hinge: angle", self.angle, rate=True))
+
+    def angle_at(self, t: float) -> float:
+        """Angle [rad] at time t."""
+        return self.schedule.at(t)
+
+    def pose(self, t: float) -> tuple[np.ndarray, np.ndarray]:
+        R = matrix_from_vector(self.angle_at(t) * self.axis)
+        return R, self.point - R @ self.point
+
+    def stages(self, t0: float, t1: float) -> int:
+        return max(1, ceil(abs(self.angle_at(t1) - self.angle_at(t0)) / (pi / 2) - 1e-9))
+
+
+@dataclass(frozen=True, eq=False)
+class Slider:
+    """Sliding along a fixed direction.
+
+    Parameters
+    ----------
+    axis : (3,)
+        Direction, any length.
+    travel : rate [m/s], (times, distances [m]) or function of t
+    """
+
+    axis: Any
+    travel: Any
+    schedule: Schedule = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "axis", unit("slider: axis", self.axis))
+        object.__setattr__(self, "schedule", Schedule("slider: travel", self.travel, rate=True))
+
+    def pose(self, t: float) -> tuple[np.ndarray, np.ndarray]:
+        return np.eye(3), self.schedule.at(t) * self.axis
+
+    def stages(self, t0: float, t1: float) -> int:
+        return 1
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A general rigid motion.
+
+    Parameters
+    ----------
+    pose : (times (T,) [s], positions (T, 3) [m], quaternions (T, 4)) or function t -> (position, quaternion)
+        Place and attitude (w, x, y, z) of any frame fixed to the part. Only its change from the first row (from t = 0
+        for a function) counts, because that is where the part is drawn. Between rows the position is linear and the
+        rotation turns at a constant rate the shorter way round. `Path.read` takes a CSV file.
+    """
+
+    motion: Any
+
+    def __post_init__(self) -> None:
+        if callable(self.motion):
+            object.__setattr__(self, "_times", None)
+            object.__setattr__(self, "_start", self._frame(0.0))
+            return
+        if not isinstance(self.motion, tuple | list) or len(self.motion) != 3:
+            raise ValueError("path: give (times, positions, quaternions) or a function of t.")
+        times = check_shape("path: times", self.motion[0], (-1,))
+        positions = Schedule("path: position", (times, self.motion[1]), (3,))
+        q = check_shape("path: quaternions", self.motion[2], (len(times), 4))
+        size = np.linalg.norm(q, axis=1)
+        off = np.flatnonzero(np.abs(size - 1.0) > 1e-3)
+        if len(off):
+            raise ValueError(f"path: quaternion {off[0]} has length {size[off[0]]:.4g}; it must be 1.")
+        object.__setattr__(self, "_times", times)
+        object.__setattr__(self, "_positions", positions)
+        object.__setattr__(self, "_quaternions", q / size[:, None])
+        object.__setattr__(self, "_start", self._frame(times[0]))
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Path:
+        """Read a CSV file with the columns time, x, y, z, qw, qx, qy, qz (SI units; a header line is allowed)."""
+        try:
+            with open(path, encoding="utf-8") as file:
+                first = file.readline()
+            header = 0 if _is_number(first.split(",")[0]) else 1
+            table = np.loadtxt(path, delimiter=",", skiprows=header, ndmin=2)
+        except OSError as error:
+            raise MeshError(f"path: cannot read {os.fspath(path)!r}: {error.strerror}.") from None
+        except ValueError as error:
+            raise MeshError(f"path: {os.fspath(path)!r} is not a table of numbers: {error}.") from None
+        if table.shape[1] != 8:
+            raise MeshError(
+                f"path: {os.fspath(path)!r} must have 8 columns time, x, y, z, qw, qx, qy, qz (got {table.shape[1]})."
+            )
+        return cls((table[:, 0], table[:, 1:4], table[:, 4:]))
+
+    def _frame(self, t: float) -> tuple[np.ndarray, np.ndarray]:
+        """Place (3,) and unit quaternion (4,) of the given frame."""
+        if self._times is None:
+            place, q = self.motion(t)
+            q = check_shape(f"path: quaternion at t = {t:g} s", q, (4,))
+            if abs(np.linalg.norm(q) - 1.0) > 1e-3:
+                raise ValueError(f"path: quaternion at t = {t:g} s has length {np.linalg.norm(q):.4g}; it must be 1.")
+            return check_shape(f"path: position at t = {t:g} s", place, (3,)), q / np.linalg.norm(q)
+        place = self._positions.at(t)
+        k = int(np.clip(np.searchsorted(self._times, t, side="right") - 1, 0, len(self._times) - 2))
+        part = (t - self._times[k]) / (self._times[k + 1] - self._times[k])
+        a, b = self._quaternions[k], self._quaternions[k + 1]
+        turn = relative_rotation(a[None], b[None])[0]
+        return place, multiply(a, quaternion_from_vector(np.clip(part, 0.0, 1.0) * turn))
+
+    def pose(self, t: float) -> tuple[np.ndarray, np.ndarray]:
+        (place0, q0), (place, q) = self._start, self._frame(t)
+        R = matrix_from_quaternion(multiply(q, conjugate(q0)))
+        return R, place - R @ place0
+
+    def stages(self, t0: float, t1: float) -> int:
+        if self._times is None:
+            return 1
+        inside = self._times[(self._times > t0) & (self._times < t1)]
+        stops = [t0, *inside, t1]
+        turns = sum(
+            float(np.linalg.norm(relative_rotation(self._frame(a)[1][None], self._frame(b)[1][None])))
+            for a, b in zip(stops[:-1], stops[1:], strict=True)
+        )
+        return max(1, ceil(turns / (pi / 2) - 1e-9))
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A rigid body that rods are attached to.
+
+    Parameters
+    ----------
+    name : str
+    mesh : path of an STL, OBJ, PLY or VTK surface, optional
+        For pictures. It must be a watertight triangle surface; flipped facets are repaired.
+    mesh_unit : [m]
+        Length of one unit of the file; STL files do not say (1e-3 for millimetres).
+    motion : Hinge, Slider or Path, optional
+        Without it the part never moves.
+    """
+
+    name: str
+    mesh: str | os.PathLike[str] | None = None
+    mesh_unit: float = 1.0
+    motion: Motion | None = None
+
+    def __post_init__(self) -> None:
+        check_name("part", self.name)
+        check_positive(f"part {self.name!r}: mesh_unit", self.mesh_unit)
+
+    def pose(self, t: float) -> tuple[np.ndarray, np.ndarray]:
+        """Rotation (3, 3) and translation (3,) [m] from the drawn place at time t."""
+        if self.motion is None:
+            return np.eye(3), np.zeros(3)
+        try:
+            return self.motion.pose(t)
+        except ValueError as error:
+            raise ValueError(f"part {self.name!r}: {error}") from None
+
+    def stages(self, t0: float, t1: float) -> int:
+        """Into how many steps t0..t1 must be cut so that no step turns by more than a quarter turn."""
+        try:
+            return 1 if self.motion is None else self.motion.stages(t0, t1)
+        except ValueError as error:
+            raise ValueError(f"part {self.name!r}: {error}") from None
+
+    def read_mesh(self) -> tuple[np.ndarray, np.ndarray]:
+        """Points (P, 3) [m] and triangles (F, 3) of the mesh. MeshError if there is none or it is no closed surface."""
+        if self.mesh is None:
+            raise MeshError(f"part {self.name!r}: has no mesh.")
+        points, triangles = read_surface(self.mesh, f"part {self.name!r}")
+        return points * self.mesh_unit, triangles
+
+
+GROUND = Part("ground")
+
+
+def read_surface(path: str | os.PathLike[str], where: str) -> tuple[np.ndarray, np.ndarray]:
+    """Read a closed triangle surface through pyvista: points (P, 3) in file units, triangles (F, 3).
+
+    Equal points are merged and facets turned outwards; a surface with holes or with edges shared by more than two
+    facets is refused, with their number.
+    """
+    file = pathlib.Path(path)
+    if not file.is_file():
+        raise MeshError(f"{where}: mesh file {os.fspath(path)!r} does not exist.")
+    import pyvista
+
+    try:
+        surface = pyvista.read(file).extract_surface(algorithm="dataset_surface").triangulate().clean()
+    except Exception as error:  # pyvista and VTK raise many types for files that are not meshes
+        raise MeshError(f"{where}: mesh file {os.fspath(path)!r} cannot be read as a surface: {error}.") from None
+    if surface.n_cells == 0 or surface.n_points < 4:
+        raise MeshError(
+            f"{where}: mesh file {os.fspath(path)!r} holds no surface ({surface.n_cells} triangles). "
+            "Export the part as a triangle mesh (STL, OBJ, PLY)."
+        )
+    if not np.isfinite(surface.points).all():
+        raise MeshError(f"{where}: mesh file {os.fspath(path)!r} holds coordinates that are not finite.")
+    open_edges = surface.extract_feature_edges(
+        boundary_edges=True, non_manifold_edges=False, feature_edges=False, manifold_edges=False
+    ).n_cells
+    shared = surface.extract_feature_edges(
+        boundary_edges=False, non_manifold_edges=True, feature_edges=False, manifold_edges=False
+    ).n_cells
+    if open_edges or shared:
+        fault = f"{open_edges} open edges" if open_edges else f"{shared} edges shared by more than two triangles"
+        raise MeshError(
+            f"{where}: mesh file {os.fspath(path)!r} is not watertight ({fault} of {surface.n_cells} triangles). "
+            "Close it in the program that made it."
+        )
+    surface = surface.compute_normals(
+        cell_normals=True, point_normals=False, consistent_normals=True, auto_orient_normals=True, split_vertices=False
+    )
+    triangles = surface.faces.reshape(-1, 4)[:, 1:].astype(np.int64)
+    return np.asarray(surface.points, dtype=float), triangles
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,308 @@
+"""What is the system? Rods, supports and terms put together, and their sum.
+
+Rule: the sum is a loop over terms and knows none of them by name. Every model has the internal force of its rods; loads
+add nodal blocks. Checks that need the whole (names, places held twice, a cable shorter than its span) are made here,
+once; facts worth a warning are kept in `warnings` and logged.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from scipy.sparse import coo_matrix, csc_matrix
+
+from .constraint import Constraints
+from .errors import SceneError, nearest
+from .mechanism import Part
+from .rod import Rod
+from .space import Blocks, Space, State
+from .support import Support, Weld
+from .terms import Term
+from .terms.internal import Additions, Condensed, InternalForce, KardanBeam, QuaternionBeam
+
+log = logging.getLogger(__name__)
+
+NO_BLOCKS = np.empty((0, 6, 6))
+
+
+@dataclass(frozen=True, eq=False)
+class Sum:
+    """Residual g (N, 6) of all terms, and the largest section force [N] and moment [N m] in the rods."""
+
+    g: np.ndarray
+    force: float
+    moment: float
+    negative: int = -1
+
+
+class Model:
+    """Rods, what holds them and what acts on them.
+
+    Parameters
+    ----------
+    rods : sequence of Rod
+    supports : sequence of Clamp, Pin and Weld
+    terms : sequence of loads
+        A scene without a term pays nothing for it.
+    rotation : "quaternion" or "kardan"
+        Interpolation of the rotations. "kardan" uses the angles (psi, theta, phi) of the source paper: singular where
+        a rod points along x, not objective; for comparison.
+
+    Attributes
+    ----------
+    warnings : list of str
+        What the model's user should know; also logged.
+
+    Raises
+    ------
+    SceneError
+        Equal names, a support or load on a rod that is not in the model, a place held twice.
+    KardanError
+        rotation = "kardan" and a rod is drawn along x somewhere.
+    """
+
+    def __init__(
+        self,
+        rods: Sequence[Rod],
+        supports: Sequence[Support | Weld] = (),
+        terms: Sequence[Term] = (),
+        *,
+        rotation: Literal["quaternion", "kardan"] = "quaternion",
+    ) -> None:
+        if rotation not in ("quaternion", "kardan"):
+            raise ValueError(f"model: rotation must be 'quaternion' or 'kardan' (got {rotation!r}).")
+        self.rods = tuple(rods)
+        self.supports = tuple(h for h in supports if not isinstance(h, Weld))
+        self.welds = tuple(w for w in supports if isinstance(w, Weld))
+        self.terms = tuple(terms)
+        self.rotation = rotation
+        self._check_members()
+        if rotation == "kardan" and self.welds:
+            raise SceneError("model: welds need rotation = 'quaternion'; Kardan angles cannot join two rods at an angle.")
+        self.space = Space(self.rods, self._marks(), rotation)
+        self.internal: InternalForce = QuaternionBeam() if rotation == "quaternion" else KardanBeam()
+        self.constraints = Constraints(self.space, self.supports, self.welds)
+        self.symmetric = all(term.symmetric for term in self.terms)
+        self.warnings: list[str] = []
+
+    def _check_members(self) -> None:
+        if not self.rods:
+            raise SceneError("model: has no rod.")
+        faults = []
+        for kind, names in (
+            ("rod", [rod.name for rod in self.rods]),
+            ("support", [str(h.name) for h in self.supports]),
+            ("part", [part.name for part in self.parts]),
+        ):
+            faults += [f"{kind} {n!r}: the name is used twice." for n in sorted({n for n in names if names.count(n) > 1})]
+        known = [rod.name for rod in self.rods]
+        members = [("support", h.name, h.rod) for h in self.supports]
+        members += [("weld", "", rod) for w in self.welds for rod in (w.rod, w.other)]
+        members += [("term", term.name, term.rod) for term in self.terms if hasattr(term, "rod")]
+        faults += [
+            f"{kind} {name!r}: rod {rod.name!r} is not in the model. {nearest(rod.name, known)}"
+            for kind, name, rod in members
+            if rod not in self.rods
+        ]
+        if faults:
+            raise SceneError(faults)
+
+    def _marks(self) -> list[list[float]]:
+        """Arc lengths where each rod needs a node: supports, welds and point loads."""
+        marks: dict[Rod, list[float]] = {rod: [] for rod in self.rods}
+        for h in self.supports:
+            marks[h.rod].append(h.rod.place(h.at, "support"))
+        for w in self.welds:
+            marks[w.rod].append(w.rod.place(w.at, "weld"))
+            marks[w.other].append(w.other.place(w.other_at, "weld"))
+        for term in self.terms:
+            if hasattr(term, "mark"):
+                rod, s = term.mark
+                marks[rod].append(s)
+        return [marks[rod] for rod in self.rods]
+
+    @property
+    def parts(self) -> list[Part]:
+        """Parts that hold something, in order of appearance."""
+        return list(dict.fromkeys(h.to for h in self.supports))
+
+    def warn(self, message: str) -> None:
+        """Keep and log a warning, once."""
+        if message not in self.warnings:
+            self.warnings.append(message)
+            log.warning("%s", message)
+
+    def initial_state(self, t: float = 0.0) -> State:
+        """The drawn shape at time t."""
+        return self.space.drawn_state(t)
+
+    def external(self, state: State, *, tangent: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Residual (N, 6) of all terms but the internal force and their nodal tangents (N, 6, 6) or empty."""
+        g, nodal = np.zeros((self.space.n_nodes, 6)), NO_BLOCKS
+        for term in self.terms:
+            blocks = term(state, self.space, tangent=tangent)
+            if len(blocks.nodes) == self.space.n_nodes:
+                g += blocks.force[:, 0]
+            else:
+                np.add.at(g, blocks.nodes[:, 0], blocks.force[:, 0])
+            if tangent and blocks.stiffness is not None:
+                if not len(nodal):
+                    nodal = np.zeros((self.space.n_nodes, 6, 6))
+                np.add.at(nodal, blocks.nodes[:, 0], blocks.stiffness)
+        return g, nodal
+
+    def residual(self, state: State) -> Sum:
+        """Residual of all terms at a state; what is left on held unknowns is the reaction."""
+        g, _ = self.external(state, tangent=False)
+        force, moment = self.internal.residual(state, self.space, g)
+        return Sum(g, force, moment)
+
+    def condensed(self, state: State, scratch: list[Condensed], mu: float, offset: np.ndarray | None) -> Sum:
+        """Residual and, in `scratch`, the condensed tangent with mu * shift on the diagonal. offset: added to g."""
+        g, nodal = self.external(state, tangent=True)
+        if offset is not None:
+            g += offset
+        additions = Additions(nodal, self.shift, mu, self.symmetric)
+        force, moment, negative = self.internal.condensed(state, self.space, g, scratch, additions)
+        return Sum(g, force, moment, negative)
+
+    def matrix(self, state: State) -> csc_matrix:
+        """Full tangent (6 N, 6 N) before supports: the plain sum of all blocks."""
+        n = 6 * self.space.n_nodes
+        rows, columns, values = [], [], []
+        blocks: list[Blocks] = list(self.internal(state, self.space))
+        blocks += [term(state, self.space) for term in self.terms]
+        for block in blocks:
+            if block.stiffness is None:
+                continue
+            dofs = (6 * block.nodes[:, :, None] + np.arange(6)).reshape(len(block.nodes), -1)
+            shape = block.stiffness.shape
+            rows.append(np.broadcast_to(dofs[:, :, None], shape).ravel())
+            columns.append(np.broadcast_to(dofs[:, None, :], shape).ravel())
+            values.append(block.stiffness.ravel())
+        entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+        return coo_matrix(entries, shape=(n, n)).tocsc()
+
+    @cached_property
+    def shift(self) -> np.ndarray:
+        """Weights (N, 6) of the shift that keeps the guarded method's matrix positive: w EI / L^2 (1 / L^2, 1)."""
+        shift = np.empty((self.space.n_nodes, 6))
+        for rod in self.rods:
+            view = self.space[rod]
+            group = self.space.groups[view.group]
+            bending = float(group.stiffness[view.elements][..., (3, 4), (3, 4)].mean())
+            weight = self.space.share(rod) * bending / rod.length**2
+            shift[view.nodes, :3] = weight[:, None] / rod.length**2
+            shift[view.nodes, 3:] = weight[:, None]
+        return shift
+
+    @cached_property
+    def scales(self) -> dict[str, float]:
+        """Numbers that make residuals comparable: lengths [m], largest stiffnesses [N, N m^2]."""
+        groups = self.space.groups
+        h = np.concatenate([g.dx.sum(axis=1) for g in groups])
+        drawn = self.initial_state().r
+        return {
+            "length": float(self.space.lengths.max()),
+            "element": float(h.mean()),
+            "smallest": float(h.min()),
+            "size": float(np.abs(drawn).max() + self.space.lengths.max()),
+            "axial": max(float(np.abs(g.stiffness[..., (0, 1, 2), (0, 1, 2)]).max()) for g in groups),
+            "bending": max(float(np.abs(g.stiffness[..., (3, 4, 5), (3, 4, 5)]).max()) for g in groups),
+        }
+
+    @cached_property
+    def free_motions(self) -> list[tuple[str, bool]]:
+        """Rigid motions that the supports allow: (description, is a translation), for each set of joined rods."""
+        found = []
+        for rods, rows in self._components():
+            center = np.mean([rod.drawn(np.array([0.0, rod.length])).mean(0) for rod in rods], axis=0)
+            size = max(rod.drawn_length for rod in rods)
+            conditions = [np.zeros((0, 6))]
+            targets = self.constraints.targets(0.0) if rows else None
+            state = self.initial_state()
+            for row in rows:
+                node = self.constraints.support_node[row]
+                arm = (state.r[node] - center) / size
+                cross = np.array([[0, -arm[2], arm[1]], [arm[2], 0, -arm[0]], [-arm[1], arm[0], 0]])
+                axes = targets.axes[row]
+                spin = np.block([[axes.T, -axes.T @ cross], [np.zeros((3, 3)), axes.T]])
+                conditions.append(spin[self.constraints.held[row]])
+            A = np.concatenate(conditions)
+            names = " and ".join(repr(rod.name) for rod in rods[:3]) + (" ..." if len(rods) > 3 else "")
+            if not len(A):
+                found.append((f"rod {names} has no support", True))
+                continue
+            # translations first, so that they are told as such, then what else the conditions leave
+            slides = _null_space(A[:, :3])
+            found += [(f"rod {names} can still move along {_direction(v)}", True) for v in slides]
+            used = np.column_stack([slides, np.zeros((len(slides), 3))])
+            turns = _null_space(np.concatenate([A, used]))
+            found += [(f"rod {names} can still {_turn(v, center, size)}", False) for v in turns]
+        return found
+
+    def _components(self) -> list[tuple[list[Rod], list[int]]]:
+        """Sets of rods joined by welds, each with the rows of its supports."""
+        label = {rod: k for k, rod in enumerate(self.rods)}
+        for w in self.welds:
+            a, b = label[w.rod], label[w.other]
+            label = {rod: (a if k == b else k) for rod, k in label.items()}
+        sets = []
+        for k in dict.fromkeys(label.values()):
+            rods = [rod for rod in self.rods if label[rod] == k]
+            rows = [i for i, h in enumerate(self.supports) if h.rod in rods]
+            sets.append((rods, rows))
+        return sets
+
+    def check_spans(self, times: Sequence[float]) -> None:
+        """Warn where two supports of a rod come further apart than the cable between them is long."""
+        pairs = []
+        for rod in self.rods:
+            held = sorted(
+                (h.rod.place(h.at, "support"), row)
+                for row, h in enumerate(self.supports)
+                if h.rod is rod and h.held[:3].all()
+            )
+            pairs += [(rod, b[0] - a[0], a[1], b[1]) for a, b in zip(held[:-1], held[1:], strict=True)]
+        if not pairs:
+            return
+        places = [self.constraints.targets(float(t)).place for t in times]
+        for rod, length, a, b in pairs:
+            chords = np.array([np.linalg.norm(place[b] - place[a]) for place in places])
+            k = int(np.argmax(chords))
+            if chords[k] > length * (1 + 1e-9):
+                self.warn(
+                    f"rod {rod.name!r}: {length:.4g} m of cable between {self.supports[a].name!r} and "
+                    f"{self.supports[b].name!r}, which are {chords[k]:.4g} m apart at t = {times[k]:g} s: it must "
+                    f"stretch by at least {100 * (chords[k] / length - 1):.2g} %."
+                )
+
+
+def _null_space(A: np.ndarray) -> np.ndarray:
+    """Orthonormal rows that A maps to zero."""
+    _, values, V = np.linalg.svd(A, full_matrices=True)
+    return V[int((values > 1e-9).sum()) :]
+
+
+def _turn(v: np.ndarray, center: np.ndarray, size: float) -> str:
+    """A rotation (translation / size, rotation vector) in words."""
+    turn = np.linalg.norm(v[3:])
+    axis = v[3:] / turn
+    # the axis passes through the point where the translation is parallel to the rotation
+    point = center + size * np.cross(axis, v[:3]) / turn
+    return f"turn about the line through {_point(point)} along {_direction(axis)}"
+
+
+def _direction(v: np.ndarray) -> str:
+    v = v / np.linalg.norm(v)
+    k = int(np.argmax(np.abs(v)))
+    return "xyz"[k] if abs(v[k]) > 1 - 1e-6 else _point(v * np.sign(v[k]))
+
+
+def _point(v: np.ndarray) -> str:
+    return "(" + ", ".join(f"{x:.3g}" for x in np.where(np.abs(v) < 1e-12, 0.0, v)) + ")"

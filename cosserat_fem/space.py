@@ -1,0 +1,390 @@
+"""Where do unknowns live? Meshes, Gauss-Lobatto elements, numbering of all rods; states and blocks.
+
+Rule: scikit-fem owns shape functions, quadrature and numbering; this room turns them once into the arrays the kernels
+read. Rods of one order share a mesh of disjoint intervals in arc length and one `Basis` (a group), so that every
+kernel is called once per group, not once per rod. scikit-fem numbers vertices first and interior nodes last, element by
+element: that is the order in which the kernels eliminate.
+
+Each node carries six unknowns: displacement in space, and either a body rotation vector (quaternions) or three angle
+increments (Kardan). A state is a value: an update makes a new one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from skfem import Basis, MeshLine
+from skfem.element import ElementH1
+from skfem.refdom import RefLine
+
+from .errors import KardanError
+from .kernels import condense, kardan
+from .kernels.beam import LANES
+from .kernels.rotation import (
+    kardan_from_matrix,
+    matrix_from_quaternion,
+    quaternion_from_kardan,
+    quaternion_from_matrix,
+    rotate_bodies,
+)
+from .rod import Rod
+
+SINGULAR_COSINE = np.cos(np.radians(89.5))  # Kardan angles are refused nearer to theta = 90 deg than this
+
+
+def gauss_lobatto(order: int) -> np.ndarray:
+    """Gauss-Lobatto points (order + 1,) on [0, 1]: the ends and the zeros of the derivative of P_order."""
+    legendre = np.polynomial.Legendre.basis(order)
+    return 0.5 * (1.0 + np.concatenate([[-1.0], np.sort(legendre.deriv().roots().real), [1.0]]))
+
+
+class ElementLineGLL(ElementH1):
+    """Lagrange element on Gauss-Lobatto points: nodal, so that every unknown is the value at a point.
+
+    scikit-fem's own ElementLinePp has hierarchical bubbles, which are not rotations.
+    """
+
+    nodal_dofs = 1
+    refdom = RefLine
+
+    def __init__(self, order: int) -> None:
+        self.interior_dofs = order - 1
+        self.maxdeg = order
+        self.dofnames = ["u"] * order
+        points = gauss_lobatto(order)
+        points = np.concatenate([points[[0, -1]], points[1:-1]])
+        self.doflocs = points[:, None]
+        # coefficients of the Lagrange polynomials in the Legendre basis: exact to round-off for any order used here
+        polynomials = [np.polynomial.Legendre.basis(k, domain=[0.0, 1.0]) for k in range(order + 1)]
+        table = np.linalg.inv(np.array([p(points) for p in polynomials]))
+        self.shapes = [sum(c * p for c, p in zip(row, polynomials, strict=True)) for row in table]
+        self.slopes = [shape.deriv() for shape in self.shapes]
+
+    def lbasis(self, X: np.ndarray, i: int) -> tuple[np.ndarray, np.ndarray]:
+        return self.shapes[i](X[0]), self.slopes[i](X[0])[None]
+
+
+def lanes(array: np.ndarray) -> np.ndarray:
+    """Arrange (E, ...) in packs: (P, ..., LANES); the last element fills up the last pack."""
+    n_packs = -(-len(array) // LANES)
+    padded = array[np.minimum(np.arange(n_packs * LANES), len(array) - 1)]
+    return np.ascontiguousarray(np.moveaxis(padded.reshape(n_packs, LANES, *array.shape[1:]), 1, -1))
+
+
+def from_lanes(packed: np.ndarray, n_elements: int) -> np.ndarray:
+    """Undo `lanes`: (P, ..., LANES) to (E, ...)."""
+    unpacked = np.moveaxis(packed, -1, 1)
+    return unpacked.reshape(-1, *unpacked.shape[2:])[:n_elements]
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """All elements of one order. Element arrays (E, ...) for people, packed arrays (P, ..., LANES) for kernels."""
+
+    order: int
+    basis: Basis
+    conn: np.ndarray  # (E, A) node numbers of the whole space: vertices, then interior
+    N: np.ndarray  # (Q, A)
+    N_s: np.ndarray  # (E, Q, A) [1/m]
+    dx: np.ndarray  # (E, Q) [m]
+    stiffness: np.ndarray  # (E, Q, 6, 6)
+    reference: np.ndarray  # (E, Q, 6) strain of the stress-free shape
+
+    @property
+    def n_elements(self) -> int:
+        return len(self.conn)
+
+    @cached_property
+    def packed_conn(self) -> np.ndarray:
+        return lanes(self.conn)
+
+    @cached_property
+    def tables(self) -> tuple[np.ndarray, ...]:
+        """N_s, dx, C (diagonal), C_full (the rest, or empty), reference as the kernels take them."""
+        E, Q = self.dx.shape
+        n_packs = len(self.packed_conn)
+        diagonal = np.ascontiguousarray(np.diagonal(self.stiffness, axis1=-2, axis2=-1))
+        rest = self.stiffness.copy()
+        rest[..., range(6), range(6)] = 0.0
+        full = lanes(rest.reshape(E, Q, 36)).reshape(n_packs, Q, -1) if rest.any() else np.empty((0, 0, 0))
+        return (
+            lanes(self.N_s).reshape(n_packs, Q, -1),
+            lanes(self.dx),
+            lanes(diagonal).reshape(n_packs, Q, -1),
+            full,
+            lanes(self.reference).reshape(n_packs, Q, -1),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class RodNodes:
+    """Where one rod lives: its group and elements, and its nodes in order of arc length."""
+
+    rod: Rod
+    group: int
+    elements: slice
+    vertices: np.ndarray  # (n_elements + 1,) node numbers, consecutive
+    nodes: np.ndarray  # (N,) node numbers by increasing s
+    s: np.ndarray  # (N,) [m]
+    s_gauss: np.ndarray  # (E * Q,) [m]
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Configuration of all rods at one time. A value: never changed in place.
+
+    t [s]; r (N, 3) [m] node positions; q (N, 4) unit quaternions; stress: the stress memory of the Newton method, one
+    array per group; angles (N, 3) [rad] if the rotations are Kardan angles, else None.
+    """
+
+    t: float
+    r: np.ndarray
+    q: np.ndarray
+    stress: tuple[np.ndarray, ...]
+    angles: np.ndarray | None = None
+
+    def at_time(self, t: float) -> State:
+        return replace(self, t=t)
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """What a term adds to the residual g(q, t) = 0 and its derivative, on B sets of m nodes each.
+
+    nodes (B, m); force (B, m, 6) [N, N m]: force in space and generalized moment at each node; stiffness
+    (B, 6 m, 6 m): dg/dq, None costs nothing.
+    """
+
+    nodes: np.ndarray
+    force: np.ndarray
+    stiffness: np.ndarray | None = None
+
+
+class Space:
+    """Meshes, bases and numbering of all rods.
+
+    Parameters
+    ----------
+    rods : sequence of Rod
+    marks : for each rod, the arc lengths where it needs a node
+    rotation : "quaternion" or "kardan"
+    """
+
+    def __init__(self, rods: Sequence[Rod], marks: Sequence[Sequence[float]], rotation: str = "quaternion") -> None:
+        self.rods = tuple(rods)
+        self.rotation = rotation
+        ends = {rod: rod.element_ends(m) for rod, m in zip(rods, marks, strict=True)}
+        groups, views, n_nodes = [], {}, 0
+        for order in sorted({rod.order for rod in rods}):
+            members = [rod for rod in rods if rod.order == order]
+            basis, conn, first_vertex, first_element = _mesh(order, [ends[rod] for rod in members], n_nodes)
+            locations = basis.doflocs[0]
+            stiffness, reference = [], []
+            for rod, vertex, element in zip(members, first_vertex, first_element, strict=True):
+                n = len(ends[rod]) - 1
+                elements = slice(element, element + n)
+                s_gauss = basis.global_coordinates().value[0][elements].ravel()
+                nodes = np.unique(conn[elements])
+                s = locations[nodes - n_nodes]
+                by_s = np.argsort(s, kind="stable")
+                vertices = n_nodes + vertex + np.arange(n + 1)
+                views[rod] = RodNodes(rod, len(groups), elements, vertices, nodes[by_s], s[by_s], s_gauss)
+                stiffness.append(rod.section_at(s_gauss)[0].reshape(n, order, 6, 6))
+                straight = np.zeros((n * order, 6))
+                straight[:, 2] = 1.0
+                straight[:, 3:] = rod.rest_curvature(s_gauss)
+                reference.append(straight.reshape(n, order, 6))
+            groups.append(
+                Group(
+                    order,
+                    basis,
+                    conn,
+                    np.array([b[0].value[0] for b in basis.basis]).T.copy(),
+                    np.stack([b[0].grad[0] for b in basis.basis], axis=-1),
+                    basis.dx,
+                    np.concatenate(stiffness),
+                    np.concatenate(reference),
+                )
+            )
+            n_nodes += len(locations)
+        self.groups = tuple(groups)
+        self.n_nodes = n_nodes
+        self.views = views
+        self._memo: dict[Hashable, Any] = {}
+        self._drawn = self._draw()
+
+    def __getitem__(self, rod: Rod) -> RodNodes:
+        return self.views[rod]
+
+    def node(self, rod: Rod, s: float) -> int:
+        """Node number at arc length s of a rod; there must be a vertex."""
+        view = self.views[rod]
+        s_vertices = view.s[:: rod.order]
+        return int(view.vertices[np.argmin(np.abs(s_vertices - s))])
+
+    @cached_property
+    def node_rod(self) -> np.ndarray:
+        """Index (N,) of the rod that each node belongs to."""
+        index = np.empty(self.n_nodes, dtype=np.int64)
+        for k, rod in enumerate(self.rods):
+            index[self.views[rod].nodes] = k
+        return index
+
+    @cached_property
+    def node_s(self) -> np.ndarray:
+        """Arc length (N,) [m] of each node."""
+        s = np.empty(self.n_nodes)
+        for view in self.views.values():
+            s[view.nodes] = view.s
+        return s
+
+    def remember(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """Return make(), computed once for this space; terms keep their constant tables here, not in themselves."""
+        if key not in self._memo:
+            self._memo[key] = make()
+        return self._memo[key]
+
+    def share(self, rod: Rod, profile: Callable[[np.ndarray], np.ndarray] | None = None) -> np.ndarray:
+        """Integral (n,) [m] of profile(s) times each shape function, at the rod's nodes in order of s."""
+        view = self.views[rod]
+        group = self.groups[view.group]
+        dx = group.dx[view.elements]
+        if profile is not None:
+            dx = dx * np.asarray(profile(view.s_gauss), dtype=float).reshape(dx.shape)
+        total = np.zeros(self.n_nodes)
+        np.add.at(total, group.conn[view.elements], dx @ group.N)
+        return total[view.nodes]
+
+    @cached_property
+    def node_mass(self) -> np.ndarray:
+        """Mass (N,) [kg] lumped at the nodes."""
+        mass = np.zeros(self.n_nodes)
+        for rod, view in self.views.items():
+            mass[view.nodes] = self.share(rod, lambda s, rod=rod: rod.section_at(s)[1])
+        return mass
+
+    @cached_property
+    def owner(self) -> np.ndarray:
+        """One element (number in its group) for each node, to add nodal matrices once."""
+        owner = np.empty(self.n_nodes, dtype=np.int64)
+        for group in self.groups:
+            owner[group.conn] = np.arange(group.n_elements)[:, None]
+        return owner
+
+    @cached_property
+    def lengths(self) -> np.ndarray:
+        """Unstressed lengths of the rods [m]."""
+        return np.array([rod.length for rod in self.rods])
+
+    def _draw(self) -> State:
+        """Drawn shape, stress memory zero; sets the reference strain of rods with rest = "as_drawn"."""
+        r, R = np.empty((self.n_nodes, 3)), np.empty((self.n_nodes, 3, 3))
+        for rod, view in self.views.items():
+            r[view.nodes], R[view.nodes] = rod.drawn(view.s), rod.frames(view.s)
+        q = quaternion_from_matrix(R)
+        for view in self.views.values():
+            along = q[view.nodes]  # neighbours on the same hemisphere, so that the interpolation goes the short way
+            flips = np.cumprod(np.concatenate([[1.0], np.sign((along[1:] * along[:-1]).sum(-1))]))
+            q[view.nodes] = along * flips[:, None]
+        angles = None
+        if self.rotation == "kardan":
+            angles = kardan_from_matrix(R)
+            for view in self.views.values():
+                angles[view.nodes] = np.unwrap(angles[view.nodes], axis=0)
+        state = State(0.0, r, q, (), angles)
+        for rod, view in self.views.items():
+            if isinstance(rod.rest, str) and rod.rest == "as_drawn":
+                scaled = replace(state, r=r * (rod.length / rod.drawn_length))
+                strain, _ = self.strain_and_frame(scaled, view.group)
+                self.groups[view.group].reference[view.elements] = strain[view.elements]
+        zero = [np.zeros_like(g.tables[2]) if angles is None else np.zeros_like(g.reference) for g in self.groups]
+        return replace(state, stress=tuple(zero))
+
+    def drawn_state(self, t: float = 0.0) -> State:
+        """The drawn shape at time t, without stress memory.
+
+        Raises
+        ------
+        KardanError
+            With Kardan angles, where the drawing is singular.
+        """
+        state = replace(self._drawn, t=t)
+        self.check_angles(state)
+        return state
+
+    def check_angles(self, state: State) -> None:
+        """KardanError if the Kardan angles of a node are singular (theta within half a degree of 90 deg)."""
+        if state.angles is None:
+            return
+        cosine = np.abs(np.cos(state.angles[:, 1]))
+        k = int(np.argmin(cosine))
+        if cosine[k] < SINGULAR_COSINE:
+            rod = self.rods[self.node_rod[k]]
+            s = self.node_s[k]
+            place = "its start" if s == 0 else "its end" if s >= rod.length * (1 - 1e-12) else f"s = {s:.4g} m"
+            d3 = matrix_from_quaternion(state.q[k])[:, 2]
+            raise KardanError(
+                f"t = {state.t:g} s: Kardan angles are singular on rod {rod.name!r} at {place}: "
+                f"theta = {np.degrees(state.angles[k, 1]):.2f} deg, because the rod points along the x axis there "
+                f"(tangent {np.array2string(d3, precision=3, suppress_small=True)}). "
+                'Use rotation = "quaternion", or turn the scene so that no part of the rod points along x.'
+            )
+
+    def update(self, state: State, du: np.ndarray, scale: float = 1.0, stress: tuple[np.ndarray, ...] = ()) -> State:
+        """New state after the nodal increments scale * du (N, 6)."""
+        step = du if scale == 1.0 else scale * du
+        r = state.r + step[:, :3]
+        if state.angles is not None:
+            angles = state.angles + step[:, 3:]
+            new = State(state.t, r, quaternion_from_kardan(angles), stress or state.stress, angles)
+            self.check_angles(new)
+            return new
+        q = np.empty_like(state.q)
+        rotate_bodies(state.q, step[:, 3:], q)
+        return State(state.t, r, q, stress or state.stress)
+
+    def spin_axes(self, state: State, nodes: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Matrices H (n, 3, 3), spatial spin = H times the rotation unknowns: columns h_j.
+
+        Quaternions: the directors. Kardan angles: the axes of the three turns.
+        """
+        if state.angles is None:
+            return matrix_from_quaternion(state.q[nodes])
+        psi, theta = state.angles[nodes, 0], state.angles[nodes, 1]
+        H = np.zeros((*psi.shape, 3, 3))
+        H[..., 0, 0] = 1.0
+        H[..., 1, 1], H[..., 2, 1] = np.cos(psi), np.sin(psi)
+        H[..., 0, 2] = np.sin(theta)
+        H[..., 1, 2], H[..., 2, 2] = -np.sin(psi) * np.cos(theta), np.cos(psi) * np.cos(theta)
+        return H
+
+    def strain_and_frame(self, state: State, group: int) -> tuple[np.ndarray, np.ndarray]:
+        """Total strain (Gamma, K) (E, Q, 6) and rotation (E, Q, 3, 3) at the Gauss points of a group."""
+        g = self.groups[group]
+        E, Q = g.dx.shape
+        strain, frame = np.empty((E, Q, 6)), np.empty((E, Q, 3, 3))
+        if state.angles is not None:
+            kardan.strain_and_frame(g.conn, g.N, g.N_s, state.r, state.angles, strain, frame)
+        else:
+            N_s = lanes(g.N_s).reshape(len(g.packed_conn), Q, -1)
+            flat = np.empty((E, Q, 9))
+            condense.strain_and_frame(g.packed_conn, E, g.N, N_s, state.r, state.q, strain, flat)
+            frame = flat.reshape(E, Q, 3, 3)
+        return strain, frame
+
+
+def _mesh(order: int, ends: Sequence[np.ndarray], offset: int) -> tuple[Basis, np.ndarray, np.ndarray, np.ndarray]:
+    """Basis of disjoint intervals, connectivity (E, A), first vertex and first element of each rod."""
+    counts = np.array([len(e) for e in ends])
+    first_vertex = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    first_element = first_vertex - np.arange(len(ends))
+    t = np.concatenate([v + np.stack([np.arange(n - 1), np.arange(1, n)]) for v, n in zip(first_vertex, counts, strict=True)], axis=1)
+    mesh = MeshLine(np.concatenate(ends)[None], t)
+    X, W = np.polynomial.legendre.leggauss(order)
+    basis = Basis(mesh, ElementLineGLL(order), quadrature=(0.5 * (1 + X)[None], 0.5 * W))
+    conn = np.ascontiguousarray(basis.element_dofs.T.astype(np.int64)) + offset
+    return basis, conn, first_vertex, first_element

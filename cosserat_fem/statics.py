@@ -1,0 +1,256 @@
+"""Where is equilibrium? One state, or a travel of states as parts move.
+
+Rule: cheap first. A state is sought with the plain Newton method; if that fails, or ends in an unstable state, with the
+guarded one; then in load steps. A load step is a part of everything at once: the residual of the start state is carried as
+a dead load that is taken away, and the supports close a part of their gaps. In a travel each station starts from the one
+before, extrapolated; where it fails the time step is halved, and a part never turns by more than a quarter turn at once.
+
+The unstable states that the plain method may end in are equilibria too; a state is only left for a stable one if the
+guarded method finds one from the same start.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from .errors import ConvergenceError, SceneError, check_integer, check_shape
+from .history import History, Record
+from .kernels.rotation import conjugate, multiply, quaternion_from_vector, relative_rotation
+from .model import Model
+from .newton import Newton, Solved
+from .space import State
+
+log = logging.getLogger(__name__)
+
+LOAD_STEPS = (4, 16, 64)
+HALVINGS = 6
+
+
+def solve_static(
+    model: Model, *, t: float = 0.0, start: State | None = None, steps: int | None = None
+) -> History:
+    """Find the equilibrium at one time, by itself: from the drawn shape, or from `start`.
+
+    Parameters
+    ----------
+    t : [s]
+        Time at which parts stand and loads act.
+    start : State, optional
+        A state of this model (`history.final`).
+    steps : int, optional
+        Go there in this many equal load steps; by default only as many as needed.
+
+    Returns
+    -------
+    History with one state.
+
+    Raises
+    ------
+    SceneError
+        The supports leave a rigid motion that no load can balance.
+    ConvergenceError
+        No equilibrium was found; the message says where it was lost and what to try.
+    """
+    if steps is not None:
+        check_integer("solve_static: steps", steps, 1)
+    _check_supports(model)
+    model.check_spans([t])
+    history = History(model)
+    newton = Newton(model)
+    history.counters = newton.counters
+    state = (start or model.initial_state()).at_time(t)
+    _append(history, _equilibrium(newton, state, history, steps=steps))
+    return _finish(history)
+
+
+def solve_quasistatic(
+    model: Model,
+    times: Sequence[float],
+    *,
+    start: State | None = None,
+    callback: Callable[[int, State], bool | None] | None = None,
+) -> History:
+    """Follow the parts and loads through equilibria at the given times.
+
+    Parameters
+    ----------
+    times : (T,) [s]
+        Increasing.
+    start : State, optional
+        Where the first station starts from; default the drawn shape.
+    callback : function (station, state) -> bool, optional
+        Called after each station; return True to stop there.
+
+    Returns
+    -------
+    History with one state for each time.
+
+    Raises
+    ------
+    SceneError, ConvergenceError
+        As for `solve_static`; the error carries the stations found so far.
+    """
+    times = check_shape("solve_quasistatic: times", times, (-1,))
+    if len(times) == 0:
+        raise ValueError("solve_quasistatic: times is empty; give at least one time.")
+    if (np.diff(times) <= 0).any():
+        k = int(np.flatnonzero(np.diff(times) <= 0)[0])
+        raise ValueError(
+            f"solve_quasistatic: times must increase (got {times[k]:g} s followed by {times[k + 1]:g} s)."
+        )
+    _check_supports(model)
+    model.check_spans(times)
+    history = History(model)
+    newton = Newton(model)
+    history.counters = newton.counters
+    state = (start or model.initial_state()).at_time(float(times[0]))
+    solved = _equilibrium(newton, state, history)
+    _append(history, solved)
+    before: State | None = None
+    for k in range(len(times)):
+        if k > 0:
+            solved, before = _travel(newton, history, before, float(times[k]))
+            _append(history, solved)
+        if callback is not None and callback(k, solved.state):
+            history.status, history.message = "stopped", f"stopped by the caller at t = {times[k]:g} s"
+            return history
+    return _finish(history)
+
+
+def _travel(newton: Newton, history: History, before: State | None, t: float) -> tuple[Solved, State]:
+    """From the last state to time t, in as few parts as it takes; also return the state before the last one reached."""
+    model = newton.model
+    state = history.final
+    unstable = history.records[-1].negative > 0
+    stages = max((part.stages(state.t, t) for part in model.parts), default=1)
+    wanted = list(np.linspace(state.t, t, stages + 1)[1:])
+    halvings = 0
+    while True:
+        guess = state.at_time(wanted[0]) if before is None else _extrapolated(before, state, wanted[0])
+        solved = newton.plain(guess)
+        if solved.converged and solved.negative > 0 and not unstable:
+            solved = _prefer_stable(newton, state.at_time(wanted[0]), solved)
+        if not solved.converged and before is not None:
+            solved = newton.plain(state.at_time(wanted[0]))
+        if not solved.converged and halvings == 0:
+            solved = newton.guarded(state.at_time(wanted[0]))
+        if solved.converged:
+            before, state = state, solved.state
+            unstable = solved.negative > 0
+            wanted.pop(0)
+            if not wanted:
+                return solved, before
+            continue
+        halvings += 1
+        newton.counters.bisections += 1
+        if halvings > HALVINGS:
+            solved = newton.guarded(state.at_time(wanted[0]))
+            if not solved.converged:
+                raise _failure(model, history, solved, f"on the way to t = {t:g} s, {len(history)} stations are kept")
+            continue
+        wanted.insert(0, 0.5 * (state.t + wanted[0]))
+
+
+def _extrapolated(before: State, state: State, t: float) -> State:
+    """Guess at time t on the straight line through two states; rotations go on at the same rate."""
+    part = (t - state.t) / (state.t - before.t)
+    stress = tuple(b + part * (b - a) for a, b in zip(before.stress, state.stress, strict=True))
+    r = state.r + part * (state.r - before.r)
+    if state.angles is not None and before.angles is not None:
+        return state.at_time(t)
+    q = multiply(state.q, quaternion_from_vector(part * relative_rotation(before.q, state.q)))
+    return State(t, r, q, stress)
+
+
+def _equilibrium(newton: Newton, state: State, history: History, *, steps: int | None = None) -> Solved:
+    """Equilibrium from a state that may be far from it."""
+    if steps is None:
+        solved = newton.plain(state)
+        if solved.converged and solved.negative > 0:
+            return _prefer_stable(newton, state, solved)
+        if solved.converged:
+            return solved
+        solved = newton.guarded(state)
+        if solved.converged:
+            return solved
+    for n in LOAD_STEPS if steps is None else (steps,):
+        solved = _in_load_steps(newton, state, n)
+        if solved.converged:
+            return solved
+    raise _failure(newton.model, history, solved, "from the start shape, with plain, guarded and stepped loading")
+
+
+def _prefer_stable(newton: Newton, state: State, solved: Solved) -> Solved:
+    """The stable state that the guarded method finds from the same start, if it does."""
+    other = newton.guarded(state)
+    return other if other.converged and other.negative == 0 else solved
+
+
+def _in_load_steps(newton: Newton, state: State, n: int) -> Solved:
+    """Equilibrium in n steps of everything: residual of the start as a dead load taken away, gaps closed in parts."""
+    model = newton.model
+    start = model.residual(state).g
+    final = model.constraints.targets(state.t)
+    solved = None
+    for k in range(1, n + 1):
+        newton.counters.load_steps += 1
+        targets = final if k == n else model.constraints.part_way(state, final, 1.0 / (n - k + 1))
+        offset = None if k == n else -(1.0 - k / n) * start
+        solved = newton.plain(state, targets=targets, offset=offset)
+        if not solved.converged:
+            solved = newton.guarded(state, targets=targets, offset=offset)
+        if not solved.converged:
+            return replace(solved, reason=f"load step {k} of {n}: {solved.reason}")
+        state = solved.state
+    return solved
+
+
+def _check_supports(model: Model) -> None:
+    """SceneError if a rigid motion is free and no load can hold it."""
+    free = model.free_motions
+    lost = [text for text, translation in free if translation or not model.terms]
+    if lost:
+        raise SceneError(
+            [
+                f"model: too few supports for a static run: {text}. "
+                "Hold that motion with a Clamp or Pin, or run it as dynamics."
+                for text in lost
+            ]
+        )
+
+
+def _append(history: History, solved: Solved) -> None:
+    history.records.append(
+        Record(solved.state, solved.reactions, solved.iterations, solved.residual, solved.negative)
+    )
+
+
+def _finish(history: History) -> History:
+    """Say how it went."""
+    unstable = [f"{r.state.t:g}" for r in history.records if r.negative > 0]
+    if unstable:
+        more = f" and {len(unstable) - 5} more" if len(unstable) > 5 else ""
+        history.model.warn(
+            f"unstable equilibrium at t = {', '.join(unstable[:5])}{more} s: a real rod would snap away from it."
+        )
+    n = len(history)
+    history.message = f"{n} equilibri{'um' if n == 1 else 'a'}, {history.counters.iterations} iterations"
+    return history
+
+
+def _failure(model: Model, history: History, solved: Solved, where: str) -> ConvergenceError:
+    """What happened, where along which rod, and what to try."""
+    rod = model.rods[model.space.node_rod[solved.where]]
+    s = model.space.node_s[solved.where]
+    history.status = "stopped"
+    history.message = (
+        f"static run at t = {solved.state.t:g} s: no equilibrium ({solved.reason}), {where}. "
+        f"The residual is {solved.residual:.1e} of the section forces, largest at rod {rod.name!r}, s = {s:.4g} m. "
+        "Try a drawn shape closer to the expected one, more elements there, smaller time steps, or, "
+        "if the rod may snap through, the dynamic run."
+    )
+    return ConvergenceError(history.message, history, solved.state)

@@ -1,0 +1,198 @@
+"""Internal force of the rods, in two interpolations: quaternions (the default) and Kardan angles.
+
+Rule: both say the same weak form (`forms.py`) and answer the same five questions. `condensed` is the fast path: it adds
+the internal force to a residual that holds everything else and returns 12x12 matrices between element ends.
+
+The stress memory is the one trick of the Newton method (mixed integration points): the geometric stiffness uses stresses
+extrapolated with the last increment, C (strain + B du), instead of those of the current strains. The residual never
+does. That is the condensed Hellinger-Reissner element, and it is why a roll-up takes one load step.
+Source: Magisano, Leonetti, Garcea (2017), doi 10.1002/nme.5319.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ..kernels import condense, kardan
+from ..space import Blocks, Space, State, from_lanes, lanes
+
+NO_MATRICES = np.empty((0, 0, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class Condensed:
+    """Scratch of one group: matrices (E, 12, 12) and right-hand sides (E, 12) between element ends, and factors."""
+
+    S: np.ndarray
+    rhs: np.ndarray
+    factor: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Additions:
+    """What other terms add to the tangent: nodal (N, 6, 6) or empty, and mu * shift (N, 6) on the diagonal."""
+
+    nodal: np.ndarray
+    shift: np.ndarray
+    mu: float
+    symmetric: bool
+
+
+class InternalForce(Protocol):
+    """The five questions; see QuaternionBeam."""
+
+    name: str
+
+    def __call__(self, state: State, space: Space, *, tangent: bool = True) -> list[Blocks]: ...
+
+    def residual(self, state: State, space: Space, g: np.ndarray) -> tuple[float, float]: ...
+
+    def condensed(
+        self, state: State, space: Space, g: np.ndarray, scratch: list[Condensed], additions: Additions
+    ) -> tuple[float, float, int]: ...
+
+    def extrapolate(self, state: State, space: Space, du: np.ndarray, scale: float) -> tuple[np.ndarray, ...]: ...
+
+    def with_stress(self, state: State, space: Space) -> tuple[np.ndarray, ...]: ...
+
+
+@dataclass(frozen=True, eq=False)
+class QuaternionBeam:
+    """Internal force with interpolated quaternions; kernels `beam` and `condense`."""
+
+    name: str = "internal force"
+
+    def __call__(self, state: State, space: Space, *, tangent: bool = True) -> list[Blocks]:
+        """Element matrices and forces, one Blocks for each group; the general path and the tests."""
+        blocks = []
+        for group, stress in zip(space.groups, state.stress, strict=True):
+            n = 6 * (group.order + 1)
+            K = np.empty((group.n_elements, n, n))
+            g = np.zeros((space.n_nodes, 6))
+            N_s, dx, C, C_full, reference = group.tables
+            condense.element_matrices(
+                group.packed_conn, group.n_elements, group.N, N_s, dx, C, C_full, reference, stress, state.r, state.q, g, K
+            )
+            # forces are summed over elements already: give each node's sum to one of its elements
+            force = np.zeros((group.n_elements, group.order + 1, 6))
+            mine = space.owner[group.conn] == np.arange(group.n_elements)[:, None]
+            force[mine] = g[group.conn[mine]]
+            blocks.append(Blocks(group.conn, force, K if tangent else None))
+        return blocks
+
+    def residual(self, state: State, space: Space, g: np.ndarray) -> tuple[float, float]:
+        """Add the internal force to g (N, 6); return the largest section force [N] and moment [N m]."""
+        force = moment = 0.0
+        for group in space.groups:
+            N_s, dx, C, C_full, reference = group.tables
+            f, m = condense.residual(
+                group.packed_conn, group.n_elements, group.N, N_s, dx, C, C_full, reference, state.r, state.q, g
+            )
+            force, moment = max(force, f), max(moment, m)
+        return force, moment
+
+    def condensed(
+        self, state: State, space: Space, g: np.ndarray, scratch: list[Condensed], additions: Additions
+    ) -> tuple[float, float, int]:
+        """Add the internal force to g and write the condensed tangent; also return the number of negative pivots."""
+        force, moment, negative = 0.0, 0.0, 0
+        for group, stress, out in zip(space.groups, state.stress, scratch, strict=True):
+            N_s, dx, C, C_full, reference = group.tables
+            f, m, n = condense.assemble(
+                group.packed_conn, group.n_elements, group.N, N_s, dx, C, C_full, reference, stress, state.r, state.q,
+                g, space.owner, NO_MATRICES, additions.nodal, additions.shift, additions.mu, additions.symmetric,
+                out.S, out.rhs, out.factor,
+            )  # fmt: skip
+            force, moment, negative = max(force, f), max(moment, m), negative + n
+        return force, moment, negative
+
+    def extrapolate(self, state: State, space: Space, du: np.ndarray, scale: float) -> tuple[np.ndarray, ...]:
+        """Stress memory C (strain + scale B du), one array for each group."""
+        memory = []
+        for group in space.groups:
+            N_s, _, C, C_full, reference = group.tables
+            sigma = np.empty_like(C)
+            condense.extrapolate_stress(
+                group.packed_conn, group.N, N_s, C, C_full, reference, state.r, state.q, du, scale, sigma
+            )
+            memory.append(sigma)
+        return tuple(memory)
+
+    def with_stress(self, state: State, space: Space) -> tuple[np.ndarray, ...]:
+        """Stress memory equal to the stress of the state itself (plain displacement Newton)."""
+        return self.extrapolate(state, space, np.zeros((space.n_nodes, 6)), 0.0)
+
+    def stress_array(self, space: Space, memory: tuple[np.ndarray, ...], group: int) -> np.ndarray:
+        """Stress memory of a group as (E, Q, 6)."""
+        E, Q = space.groups[group].dx.shape
+        packed = memory[group].reshape(-1, Q, 6, memory[group].shape[-1] // 6)
+        return from_lanes(packed, E)
+
+    def packed_stress(self, stress: np.ndarray) -> np.ndarray:
+        """Undo `stress_array`."""
+        packed = lanes(stress)
+        return packed.reshape(*packed.shape[:2], -1)
+
+
+@dataclass(frozen=True, eq=False)
+class KardanBeam:
+    """Internal force with interpolated Kardan angles; kernel `kardan`, condensation shared. Not objective."""
+
+    name: str = "internal force"
+
+    def _elements(self, state: State, space: Space, g: np.ndarray, tangent: bool):
+        force = moment = 0.0
+        matrices = []
+        for group, stress in zip(space.groups, state.stress, strict=True):
+            n = 6 * (group.order + 1)
+            K = np.empty((group.n_elements, n, n)) if tangent else NO_MATRICES
+            f, m = kardan.assemble(
+                group.conn, group.N, group.N_s, group.dx, group.stiffness, group.reference, stress,
+                state.r, state.angles, tangent, g, K,
+            )  # fmt: skip
+            force, moment = max(force, f), max(moment, m)
+            matrices.append(K)
+        return force, moment, matrices
+
+    def __call__(self, state: State, space: Space, *, tangent: bool = True) -> list[Blocks]:
+        g = np.zeros((space.n_nodes, 6))
+        _, _, matrices = self._elements(state, space, g, tangent)
+        blocks = []
+        for group, K in zip(space.groups, matrices, strict=True):
+            force = np.zeros((group.n_elements, group.order + 1, 6))
+            mine = space.owner[group.conn] == np.arange(group.n_elements)[:, None]
+            force[mine] = g[group.conn[mine]]
+            blocks.append(Blocks(group.conn, force, K if tangent else None))
+        return blocks
+
+    def residual(self, state: State, space: Space, g: np.ndarray) -> tuple[float, float]:
+        force, moment, _ = self._elements(state, space, g, False)
+        return force, moment
+
+    def condensed(
+        self, state: State, space: Space, g: np.ndarray, scratch: list[Condensed], additions: Additions
+    ) -> tuple[float, float, int]:
+        force, moment, matrices = self._elements(state, space, g, True)
+        negative = 0
+        for group, K, out in zip(space.groups, matrices, scratch, strict=True):
+            negative += condense.condense_elements(
+                group.packed_conn, group.n_elements, K, g, space.owner, additions.nodal, additions.shift,
+                additions.mu, additions.symmetric, out.S, out.rhs, out.factor,
+            )  # fmt: skip
+        return force, moment, negative
+
+    def extrapolate(self, state: State, space: Space, du: np.ndarray, scale: float) -> tuple[np.ndarray, ...]:
+        memory = []
+        for group in space.groups:
+            sigma = np.empty_like(group.reference)
+            kardan.extrapolate_stress(
+                group.conn, group.N, group.N_s, group.stiffness, group.reference, state.r, state.angles, du, scale, sigma
+            )
+            memory.append(sigma)
+        return tuple(memory)
+
+    def with_stress(self, state: State, space: Space) -> tuple[np.ndarray, ...]:
+        return self.extrapolate(state, space, np.zeros((space.n_nodes, 6)), 0.0)
