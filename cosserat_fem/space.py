@@ -103,14 +103,14 @@ class Group:
         return lanes(self.conn)
 
     @cached_property
-    def tables(self) -> tuple[np.ndarray, ...]:
-        """N_s, dx, C (diagonal), C_full (the rest, or empty), reference as the kernels take them."""
+    def tables(self) -> tuple[Any, ...]:
+        """N_s, dx, C (diagonal), C_full (the rest, or None), reference as the kernels take them."""
         E, Q = self.dx.shape
         n_packs = len(self.packed_conn)
         diagonal = np.ascontiguousarray(np.diagonal(self.stiffness, axis1=-2, axis2=-1))
         rest = self.stiffness.copy()
         rest[..., range(6), range(6)] = 0.0
-        full = lanes(rest.reshape(E, Q, 36)).reshape(n_packs, Q, -1) if rest.any() else np.empty((0, 0, 0))
+        full = lanes(rest.reshape(E, Q, 36)).reshape(n_packs, Q, -1) if rest.any() else None
         return (
             lanes(self.N_s).reshape(n_packs, Q, -1),
             lanes(self.dx),

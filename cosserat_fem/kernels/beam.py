@@ -33,25 +33,27 @@ from math import sqrt
 
 import numpy as np
 
-from . import kernel
+from . import inner
 
 LANES = 16
 
-# Offsets of rows 1 to 3. Where a slice would be taken for each node, arrays are passed whole with an unsigned offset: a
+# Offsets of rows. Where a slice would be taken for each node, arrays are passed whole with an unsigned offset: a
 # slice costs about 20 ns, and a signed offset could count from the end, which would keep the loop from being vectorised.
-U1, U2, U3 = (np.uint64(k * LANES) for k in range(1, 4))
+U1, U2, U3, U6, U9 = (np.uint64(k * LANES) for k in (1, 2, 3, 6, 9))
+U12, U15, U18, U21 = (np.uint64(k * LANES) for k in (12, 15, 18, 21))
+U44, U45, U46, U47 = (np.uint64(k * LANES) for k in (44, 45, 46, 47))
 
 # Rows of the scratch arrays (see each function): kinematics, forces, tangent coefficients, tangent columns.
-KINEMATIC_ROWS, FORCE_ROWS, TANGENT_ROWS, COLUMN_ROWS = 21, 10, 65, 33
+KINEMATIC_ROWS, FORCE_ROWS, TANGENT_ROWS, COLUMN_ROWS = 21, 10, 101, 33
 
 
-@kernel
+@inner
 def at(row):
     """Offset of a row of lanes."""
     return np.uint64(row * LANES)
 
 
-@kernel
+@inner
 def gather(conn, r, q, node):
     """Copy the nodes of a pack: rows 7a..7a+2 position, 7a+3..7a+6 quaternion.  conn (A, LANES), node flat (7A)."""
     for a in range(conn.shape[0]):
@@ -66,7 +68,7 @@ def gather(conn, r, q, node):
             node[(7 * a + 6) * LANES + lane] = q[k, 3]
 
 
-@kernel
+@inner
 def add_node(N, N_s, node, S):
     """Add one node's share to x (rows 0-2), p (3-6), d (7-10).  N number, N_s (LANES), node flat (7)."""
     for l in range(LANES):
@@ -84,7 +86,7 @@ def add_node(N, N_s, node, S):
         S[10 * LANES + l] += b * node[6 * LANES + l]
 
 
-@kernel
+@inner
 def interpolate(N, N_s, node, S):
     """Interpolate x, p, d at one Gauss point of a pack.  N (A,), N_s flat (A), node flat (7A), S flat (11)."""
     for l in range(11 * LANES):
@@ -93,7 +95,7 @@ def interpolate(N, N_s, node, S):
         add_node(N[a], N_s[a * LANES :], node[7 * a * LANES :], S)
 
 
-@kernel
+@inner
 def kinematics(S, M):
     """Strain measures at a Gauss point: rows 0-8 R (row by row), 9-11 Gamma, 12-14 K, 15 sigma, 16 1/|p|^2, 17-20 p."""
     for l in range(LANES):
@@ -125,27 +127,31 @@ def kinematics(S, M):
         M[17 * LANES + l], M[18 * LANES + l], M[19 * LANES + l], M[20 * LANES + l] = p0, p1, p2, p3
 
 
-@kernel
+@inner
 def strain_minus_reference(M, reference, strain):
     """strain = (Gamma, K) - reference, six rows."""
     for l in range(6 * LANES):
         strain[l] = M[9 * LANES + l] - reference[l]
 
 
-@kernel
-def stress_from_strain(strain, C, C_full, T):
-    """T = C strain.  C six rows (the diagonal); C_full 36 rows (the rest, zero diagonal) or empty."""
+@inner
+def stress_from_strain(strain, C, T):
+    """T = C strain with the diagonal C, six rows each."""
     for l in range(6 * LANES):
         T[l] = C[l] * strain[l]
-    if C_full.shape[0] > 0:
-        for i in range(6):
-            for j in range(6):
-                row, source, target = C_full[(6 * i + j) * LANES :], strain[j * LANES :], T[i * LANES :]
-                for l in range(LANES):
-                    target[l] += row[l] * source[l]
 
 
-@kernel
+@inner
+def couple_stress(strain, C_full, T):
+    """T += C_full strain, C_full 36 rows with a zero diagonal."""
+    for i in range(6):
+        for j in range(6):
+            row, source, target = C_full[(6 * i + j) * LANES :], strain[j * LANES :], T[i * LANES :]
+            for l in range(LANES):
+                target[l] += row[l] * source[l]
+
+
+@inner
 def generalized_force(M, T, dx, F):
     """Gradient of n.Gamma + m.K times dx: rows 0-2 for x, 3 for rho, 4-6 for omega, 7-9 for Y.  T (n, m) six rows."""
     for l in range(LANES):
@@ -165,7 +171,7 @@ def generalized_force(M, T, dx, F):
         F[7 * LANES + l], F[8 * LANES + l], F[9 * LANES + l] = m0, m1, m2
 
 
-@kernel
+@inner
 def relative_quaternion(M, node, c, oc):
     """c = conj(p) o q_a / |p|^2, four rows of c from offset oc.  node flat (7) of one node."""
     for l in range(LANES):
@@ -179,7 +185,7 @@ def relative_quaternion(M, node, c, oc):
         c[oc + u + U3] = i2 * (p0 * a3 - p3 * a0 - (p1 * a2 - p2 * a1))
 
 
-@kernel
+@inner
 def add_node_force(N, N_s, oa, c, oc, F, G):
     """Add one Gauss point's force and body moment at one node: G six rows."""
     for l in range(LANES):
@@ -198,13 +204,14 @@ def add_node_force(N, N_s, oa, c, oc, F, G):
         G[5 * LANES + l] += -c3 * h0 + c2 * h1 - c1 * h2 + c0 * h3
 
 
-@kernel
+@inner
 def tangent_coefficients(M, sigma, C, dx, D):
     """Coefficients of the tangent at a Gauss point, material (C) and geometric (stress memory sigma), times dx.
 
-    Rows 0-9 eta-eta (upper triangle of 4x4), 10-21 eta-Y (4x3), 22-24 omega-zeta0, 25-27 Y-Y (diagonal),
-    28-36 x-omega (3x3, x in space), 37-42 x-x (upper triangle), 43-49 the gradient for rho, omega, Y under sigma.
-    Rows 50-52 Y-Y off the diagonal, 53-55 x-rho, 56-64 x-Y are used by coupled sections only.
+    Written as two (11, 4) matrices: with e = N A_a phi and z = N' A_a phi of one node, the derivative of the gradient
+    is  P e + Q z,  rows 0-3 on eta, 4-7 on zeta, 8-10 on x (in space). P stands in rows 0-43, Q in rows 44-87, row by
+    row. Rows 88-93: x-x (upper triangle); 94-100: the gradient for rho, omega, Y under sigma. Entries that are zero for
+    every uncoupled section are not written.
     """
     for l in range(LANES):
         w = dx[l]
@@ -224,192 +231,154 @@ def tangent_coefficients(M, sigma, C, dx, D):
         t = n0 * G0 + n1 * G1 + n2 * G2 + mk
         a0, a1, a2 = n1 * G2 - n2 * G1, n2 * G0 - n0 * G2, n0 * G1 - n1 * G0
         b0, b1, b2 = m1 * k2 - m2 * k1 - h * m0, m2 * k0 - m0 * k2 - h * m1, m0 * k1 - m1 * k0 - h * m2
-        D[43 * LANES + l] = -mk
-        D[44 * LANES + l], D[45 * LANES + l], D[46 * LANES + l] = a0 + b0, a1 + b1, a2 + b2
-        D[47 * LANES + l], D[48 * LANES + l], D[49 * LANES + l] = m0, m1, m2
+        D[94 * LANES + l] = -mk
+        D[95 * LANES + l], D[96 * LANES + l], D[97 * LANES + l] = a0 + b0, a1 + b1, a2 + b2
+        D[98 * LANES + l], D[99 * LANES + l], D[100 * LANES + l] = m0, m1, m2
 
-        # eta-eta: Z^T C_m Z + [Gamma]x^T C_n [Gamma]x + geometric, Z = -[k | h I - [k]x]
-        D[0 * LANES + l] = c3 * k0 * k0 + c4 * k1 * k1 + c5 * k2 * k2 + mk
-        D[1 * LANES + l] = c3 * k0 * h - c4 * k1 * k2 + c5 * k2 * k1 - 0.5 * a0 - b0
-        D[2 * LANES + l] = c3 * k0 * k2 + c4 * k1 * h - c5 * k2 * k0 - 0.5 * a1 - b1
-        D[3 * LANES + l] = -c3 * k0 * k1 + c4 * k1 * k0 + c5 * k2 * h - 0.5 * a2 - b2
-        D[4 * LANES + l] = c3 * h * h + c4 * k2 * k2 + c5 * k1 * k1 + c1 * G2 * G2 + c2 * G1 * G1 + G0 * n0 - t
-        D[5 * LANES + l] = c3 * h * k2 - c4 * k2 * h - c5 * k1 * k0 - c2 * G0 * G1 + 0.5 * (G0 * n1 + G1 * n0)
-        D[6 * LANES + l] = -c3 * h * k1 - c4 * k2 * k0 + c5 * k1 * h - c1 * G0 * G2 + 0.5 * (G0 * n2 + G2 * n0)
-        D[7 * LANES + l] = c3 * k2 * k2 + c4 * h * h + c5 * k0 * k0 + c0 * G2 * G2 + c2 * G0 * G0 + G1 * n1 - t
-        D[8 * LANES + l] = -c3 * k2 * k1 + c4 * h * k0 - c5 * k0 * h - c0 * G1 * G2 + 0.5 * (G1 * n2 + G2 * n1)
-        D[9 * LANES + l] = c3 * k1 * k1 + c4 * k0 * k0 + c5 * h * h + c0 * G1 * G1 + c1 * G0 * G0 + G2 * n2 - t
+        # eta-eta: Z^T C_m Z + [Gamma]x^T C_n [Gamma]x + geometric, Z = -[k | h I - [k]x]; symmetric
+        ck0, ck1, ck2, ch0, ch1, ch2 = c3 * k0, c4 * k1, c5 * k2, c3 * h, c4 * h, c5 * h
+        e01 = ch0 * k0 - ck1 * k2 + ck2 * k1 - 0.5 * a0 - b0
+        e02 = ck0 * k2 + ch1 * k1 - ck2 * k0 - 0.5 * a1 - b1
+        e03 = -ck0 * k1 + ck1 * k0 + ch2 * k2 - 0.5 * a2 - b2
+        e12 = ch0 * k2 - ch1 * k2 - c5 * k1 * k0 - c2 * G0 * G1 + 0.5 * (G0 * n1 + G1 * n0)
+        e13 = -ch0 * k1 - c4 * k2 * k0 + ch2 * k1 - c1 * G0 * G2 + 0.5 * (G0 * n2 + G2 * n0)
+        e23 = -c3 * k2 * k1 + ch1 * k0 - ch2 * k0 - c0 * G1 * G2 + 0.5 * (G1 * n2 + G2 * n1)
+        D[0 * LANES + l] = ck0 * k0 + ck1 * k1 + ck2 * k2 + mk
+        D[5 * LANES + l] = ch0 * h + c4 * k2 * k2 + c5 * k1 * k1 + c1 * G2 * G2 + c2 * G1 * G1 + G0 * n0 - t
+        D[10 * LANES + l] = c3 * k2 * k2 + ch1 * h + c5 * k0 * k0 + c0 * G2 * G2 + c2 * G0 * G0 + G1 * n1 - t
+        D[15 * LANES + l] = c3 * k1 * k1 + c4 * k0 * k0 + ch2 * h + c0 * G1 * G1 + c1 * G0 * G0 + G2 * n2 - t
+        D[1 * LANES + l], D[2 * LANES + l], D[3 * LANES + l] = e01, e02, e03
+        D[4 * LANES + l], D[6 * LANES + l], D[7 * LANES + l] = e01, e12, e13
+        D[8 * LANES + l], D[9 * LANES + l], D[11 * LANES + l] = e02, e12, e23
+        D[12 * LANES + l], D[13 * LANES + l], D[14 * LANES + l] = e03, e13, e23
 
-        # eta-Y: Z^T C_m + geometric; omega-zeta0; Y-Y
+        # eta-zeta: Z^T C_m + geometric, in Q; its transpose is zeta-eta, in P
         g0, g1, g2 = 0.5 * m0, 0.5 * m1, 0.5 * m2
-        D[10 * LANES + l], D[11 * LANES + l], D[12 * LANES + l] = -k0 * c3 - g0, -k1 * c4 - g1, -k2 * c5 - g2
-        D[13 * LANES + l], D[14 * LANES + l], D[15 * LANES + l] = -h * c3, k2 * c4 - g2, -k1 * c5 + g1
-        D[16 * LANES + l], D[17 * LANES + l], D[18 * LANES + l] = -k2 * c3 + g2, -h * c4, k0 * c5 - g0
-        D[19 * LANES + l], D[20 * LANES + l], D[21 * LANES + l] = k1 * c3 - g1, -k0 * c4 + g0, -h * c5
-        D[22 * LANES + l], D[23 * LANES + l], D[24 * LANES + l] = -g0, -g1, -g2
-        D[25 * LANES + l], D[26 * LANES + l], D[27 * LANES + l] = c3, c4, c5
+        D[45 * LANES + l] = D[20 * LANES + l] = -ck0 - g0
+        D[46 * LANES + l] = D[24 * LANES + l] = -ck1 - g1
+        D[47 * LANES + l] = D[28 * LANES + l] = -ck2 - g2
+        D[48 * LANES + l] = D[17 * LANES + l] = -g0
+        D[49 * LANES + l] = D[21 * LANES + l] = -ch0
+        D[50 * LANES + l] = D[25 * LANES + l] = c4 * k2 - g2
+        D[51 * LANES + l] = D[29 * LANES + l] = g1 - c5 * k1
+        D[52 * LANES + l] = D[18 * LANES + l] = -g1
+        D[53 * LANES + l] = D[22 * LANES + l] = g2 - c3 * k2
+        D[54 * LANES + l] = D[26 * LANES + l] = -ch1
+        D[55 * LANES + l] = D[30 * LANES + l] = c5 * k0 - g0
+        D[56 * LANES + l] = D[19 * LANES + l] = -g2
+        D[57 * LANES + l] = D[23 * LANES + l] = c3 * k1 - g1
+        D[58 * LANES + l] = D[27 * LANES + l] = g0 - c4 * k0
+        D[59 * LANES + l] = D[31 * LANES + l] = -ch2
+
+        # zeta-zeta: C_m
+        D[65 * LANES + l], D[70 * LANES + l], D[75 * LANES + l] = c3, c4, c5
 
         # x-omega: R (C_n [Gamma]x - [n]x);  x-x: R C_n R^T
         X01, X02 = n2 - c0 * G2, c0 * G1 - n1
         X10, X12 = c1 * G2 - n2, n0 - c1 * G0
         X20, X21 = n1 - c2 * G1, c2 * G0 - n0
-        D[28 * LANES + l], D[29 * LANES + l] = R01 * X10 + R02 * X20, R00 * X01 + R02 * X21
-        D[30 * LANES + l], D[31 * LANES + l] = R00 * X02 + R01 * X12, R11 * X10 + R12 * X20
-        D[32 * LANES + l], D[33 * LANES + l] = R10 * X01 + R12 * X21, R10 * X02 + R11 * X12
-        D[34 * LANES + l], D[35 * LANES + l] = R21 * X10 + R22 * X20, R20 * X01 + R22 * X21
-        D[36 * LANES + l] = R20 * X02 + R21 * X12
-        D[37 * LANES + l] = c0 * R00 * R00 + c1 * R01 * R01 + c2 * R02 * R02
-        D[38 * LANES + l] = c0 * R00 * R10 + c1 * R01 * R11 + c2 * R02 * R12
-        D[39 * LANES + l] = c0 * R00 * R20 + c1 * R01 * R21 + c2 * R02 * R22
-        D[40 * LANES + l] = c0 * R10 * R10 + c1 * R11 * R11 + c2 * R12 * R12
-        D[41 * LANES + l] = c0 * R10 * R20 + c1 * R11 * R21 + c2 * R12 * R22
-        D[42 * LANES + l] = c0 * R20 * R20 + c1 * R21 * R21 + c2 * R22 * R22
+        D[33 * LANES + l], D[34 * LANES + l] = R01 * X10 + R02 * X20, R00 * X01 + R02 * X21
+        D[35 * LANES + l], D[37 * LANES + l] = R00 * X02 + R01 * X12, R11 * X10 + R12 * X20
+        D[38 * LANES + l], D[39 * LANES + l] = R10 * X01 + R12 * X21, R10 * X02 + R11 * X12
+        D[41 * LANES + l], D[42 * LANES + l] = R21 * X10 + R22 * X20, R20 * X01 + R22 * X21
+        D[43 * LANES + l] = R20 * X02 + R21 * X12
+        d00, d01, d02, d10, d11, d12 = c0 * R00, c1 * R01, c2 * R02, c0 * R10, c1 * R11, c2 * R12
+        D[88 * LANES + l] = d00 * R00 + d01 * R01 + d02 * R02
+        D[89 * LANES + l] = d00 * R10 + d01 * R11 + d02 * R12
+        D[90 * LANES + l] = d00 * R20 + d01 * R21 + d02 * R22
+        D[91 * LANES + l] = d10 * R10 + d11 * R11 + d12 * R12
+        D[92 * LANES + l] = d10 * R20 + d11 * R21 + d12 * R22
+        D[93 * LANES + l] = c0 * R20 * R20 + c1 * R21 * R21 + c2 * R22 * R22
 
 
-@kernel
+@inner
 def tangent_column(N, N_s, oa, c, oc, D, V):
-    """What one node's rotation does at a Gauss point: rows 0-11 on eta (4x3), 12-23 on zeta (4x3), 24-32 on x (3x3)."""
-    for l in range(LANES):
-        u = np.uint64(l)
-        b = N_s[oa + u]
-        c0, c1, c2, c3 = c[oc + u], c[oc + u + U1], c[oc + u + U2], c[oc + u + U3]
-        g0, g1, g2 = b * D[22 * LANES + l], b * D[23 * LANES + l], b * D[24 * LANES + l]
-        E01, E02, E03 = N * D[1 * LANES + l], N * D[2 * LANES + l], N * D[3 * LANES + l]
-        E12, E13, E23 = N * D[5 * LANES + l], N * D[6 * LANES + l], N * D[8 * LANES + l]
-
-        P0 = N * D[0 * LANES + l]
-        P1, P2, P3 = E01 + b * D[10 * LANES + l], E02 + b * D[11 * LANES + l], E03 + b * D[12 * LANES + l]
-        V[0 * LANES + l] = -c1 * P0 + c0 * P1 + c3 * P2 - c2 * P3
-        V[1 * LANES + l] = -c2 * P0 - c3 * P1 + c0 * P2 + c1 * P3
-        V[2 * LANES + l] = -c3 * P0 + c2 * P1 - c1 * P2 + c0 * P3
-        P0, P1 = E01 + g0, N * D[4 * LANES + l] + b * D[13 * LANES + l]
-        P2, P3 = E12 + b * D[14 * LANES + l], E13 + b * D[15 * LANES + l]
-        V[3 * LANES + l] = -c1 * P0 + c0 * P1 + c3 * P2 - c2 * P3
-        V[4 * LANES + l] = -c2 * P0 - c3 * P1 + c0 * P2 + c1 * P3
-        V[5 * LANES + l] = -c3 * P0 + c2 * P1 - c1 * P2 + c0 * P3
-        P0, P1 = E02 + g1, E12 + b * D[16 * LANES + l]
-        P2, P3 = N * D[7 * LANES + l] + b * D[17 * LANES + l], E23 + b * D[18 * LANES + l]
-        V[6 * LANES + l] = -c1 * P0 + c0 * P1 + c3 * P2 - c2 * P3
-        V[7 * LANES + l] = -c2 * P0 - c3 * P1 + c0 * P2 + c1 * P3
-        V[8 * LANES + l] = -c3 * P0 + c2 * P1 - c1 * P2 + c0 * P3
-        P0, P1 = E03 + g2, E13 + b * D[19 * LANES + l]
-        P2, P3 = E23 + b * D[20 * LANES + l], N * D[9 * LANES + l] + b * D[21 * LANES + l]
-        V[9 * LANES + l] = -c1 * P0 + c0 * P1 + c3 * P2 - c2 * P3
-        V[10 * LANES + l] = -c2 * P0 - c3 * P1 + c0 * P2 + c1 * P3
-        V[11 * LANES + l] = -c3 * P0 + c2 * P1 - c1 * P2 + c0 * P3
-
-        n0, n1, n2, n3 = N * c0, N * c1, N * c2, N * c3
-        P1, P2, P3 = D[22 * LANES + l], D[23 * LANES + l], D[24 * LANES + l]
-        V[12 * LANES + l] = n0 * P1 + n3 * P2 - n2 * P3
-        V[13 * LANES + l] = -n3 * P1 + n0 * P2 + n1 * P3
-        V[14 * LANES + l] = n2 * P1 - n1 * P2 + n0 * P3
-        P0, P1, P2, P3 = N * D[10 * LANES + l], N * D[13 * LANES + l], N * D[16 * LANES + l], N * D[19 * LANES + l]
-        P1 += b * D[25 * LANES + l]
-        V[15 * LANES + l] = -c1 * P0 + c0 * P1 + c3 * P2 - c2 * P3
-        V[16 * LANES + l] = -c2 * P0 - c3 * P1 + c0 * P2 + c1 * P3
-        V[17 * LANES + l] = -c3 * P0 + c2 * P1 - c1 * P2 + c0 * P3
-        P0, P1, P2, P3 = N * D[11 * LANES + l], N * D[14 * LANES + l], N * D[17 * LANES + l], N * D[20 * LANES + l]
-        P2 += b * D[26 * LANES + l]
-        V[18 * LANES + l] = -c1 * P0 + c0 * P1 + c3 * P2 - c2 * P3
-        V[19 * LANES + l] = -c2 * P0 - c3 * P1 + c0 * P2 + c1 * P3
-        V[20 * LANES + l] = -c3 * P0 + c2 * P1 - c1 * P2 + c0 * P3
-        P0, P1, P2, P3 = N * D[12 * LANES + l], N * D[15 * LANES + l], N * D[18 * LANES + l], N * D[21 * LANES + l]
-        P3 += b * D[27 * LANES + l]
-        V[21 * LANES + l] = -c1 * P0 + c0 * P1 + c3 * P2 - c2 * P3
-        V[22 * LANES + l] = -c2 * P0 - c3 * P1 + c0 * P2 + c1 * P3
-        V[23 * LANES + l] = -c3 * P0 + c2 * P1 - c1 * P2 + c0 * P3
-
-        P1, P2, P3 = D[28 * LANES + l], D[29 * LANES + l], D[30 * LANES + l]
-        V[24 * LANES + l] = n0 * P1 + n3 * P2 - n2 * P3
-        V[25 * LANES + l] = -n3 * P1 + n0 * P2 + n1 * P3
-        V[26 * LANES + l] = n2 * P1 - n1 * P2 + n0 * P3
-        P1, P2, P3 = D[31 * LANES + l], D[32 * LANES + l], D[33 * LANES + l]
-        V[27 * LANES + l] = n0 * P1 + n3 * P2 - n2 * P3
-        V[28 * LANES + l] = -n3 * P1 + n0 * P2 + n1 * P3
-        V[29 * LANES + l] = n2 * P1 - n1 * P2 + n0 * P3
-        P1, P2, P3 = D[34 * LANES + l], D[35 * LANES + l], D[36 * LANES + l]
-        V[30 * LANES + l] = n0 * P1 + n3 * P2 - n2 * P3
-        V[31 * LANES + l] = -n3 * P1 + n0 * P2 + n1 * P3
-        V[32 * LANES + l] = n2 * P1 - n1 * P2 + n0 * P3
+    """What one node's rotation does at a Gauss point: V = (N P + N' Q) A_a, 11 rows of 3."""
+    for i in range(11):
+        p, v = at(4 * i), at(3 * i)
+        for l in range(LANES):
+            u = np.uint64(l)
+            b = N_s[oa + u]
+            c0, c1, c2, c3 = c[oc + u], c[oc + u + U1], c[oc + u + U2], c[oc + u + U3]
+            p0 = N * D[p + u] + b * D[p + u + U44]
+            p1 = N * D[p + u + U1] + b * D[p + u + U45]
+            p2 = N * D[p + u + U2] + b * D[p + u + U46]
+            p3 = N * D[p + u + U3] + b * D[p + u + U47]
+            V[v + u] = -c1 * p0 + c0 * p1 + c3 * p2 - c2 * p3
+            V[v + u + U1] = -c2 * p0 - c3 * p1 + c0 * p2 + c1 * p3
+            V[v + u + U2] = -c3 * p0 + c2 * p1 - c1 * p2 + c0 * p3
 
 
-@kernel
+@inner
 def add_x_rotation_block(N_s, oa, V, K):
     """Add the force rows of node a under the rotation of node b: entries (i, 3 + j) of the 6x6 block K (36 rows)."""
+    for i in range(3):
+        k, v = at(6 * i + 3), at(24 + 3 * i)
+        for l in range(LANES):
+            u = np.uint64(l)
+            b = N_s[oa + u]
+            K[k + u] += b * V[v + u]
+            K[k + u + U1] += b * V[v + u + U1]
+            K[k + u + U2] += b * V[v + u + U2]
+
+
+@inner
+def add_x_block(N_s, oa, ob, D, K):
+    """Add the force rows of node a under the displacement of node b: entries (i, j)."""
     for l in range(LANES):
         u = np.uint64(l)
-        b = N_s[oa + u]
-        K[3 * LANES + l] += b * V[24 * LANES + l]
-        K[4 * LANES + l] += b * V[25 * LANES + l]
-        K[5 * LANES + l] += b * V[26 * LANES + l]
-        K[9 * LANES + l] += b * V[27 * LANES + l]
-        K[10 * LANES + l] += b * V[28 * LANES + l]
-        K[11 * LANES + l] += b * V[29 * LANES + l]
-        K[15 * LANES + l] += b * V[30 * LANES + l]
-        K[16 * LANES + l] += b * V[31 * LANES + l]
-        K[17 * LANES + l] += b * V[32 * LANES + l]
+        w = N_s[oa + u] * N_s[ob + u]
+        d1, d2, d4 = w * D[89 * LANES + l], w * D[90 * LANES + l], w * D[92 * LANES + l]
+        K[0 * LANES + l] += w * D[88 * LANES + l]
+        K[1 * LANES + l] += d1
+        K[2 * LANES + l] += d2
+        K[6 * LANES + l] += d1
+        K[7 * LANES + l] += w * D[91 * LANES + l]
+        K[8 * LANES + l] += d4
+        K[12 * LANES + l] += d2
+        K[13 * LANES + l] += d4
+        K[14 * LANES + l] += w * D[93 * LANES + l]
 
 
-@kernel
-def add_symmetric_blocks(N, N_s, oa, ob, c, oc, D, V, K):
-    """Add x-x and rotation-rotation of nodes a (N, N_s at oa, c) and b (N_s at ob, V): entries (i, j) and (3 + i, 3 + j)."""
-    for l in range(LANES):
-        u = np.uint64(l)
-        b = N_s[oa + u]
-        w = b * N_s[ob + u]
-        K[0 * LANES + l] += w * D[37 * LANES + l]
-        K[1 * LANES + l] += w * D[38 * LANES + l]
-        K[2 * LANES + l] += w * D[39 * LANES + l]
-        K[6 * LANES + l] += w * D[38 * LANES + l]
-        K[7 * LANES + l] += w * D[40 * LANES + l]
-        K[8 * LANES + l] += w * D[41 * LANES + l]
-        K[12 * LANES + l] += w * D[39 * LANES + l]
-        K[13 * LANES + l] += w * D[41 * LANES + l]
-        K[14 * LANES + l] += w * D[42 * LANES + l]
-        c0, c1, c2, c3 = c[oc + u], c[oc + u + U1], c[oc + u + U2], c[oc + u + U3]
-        P0 = N * V[0 * LANES + l] + b * V[12 * LANES + l]
-        P1 = N * V[3 * LANES + l] + b * V[15 * LANES + l]
-        P2 = N * V[6 * LANES + l] + b * V[18 * LANES + l]
-        P3 = N * V[9 * LANES + l] + b * V[21 * LANES + l]
-        K[21 * LANES + l] += -c1 * P0 + c0 * P1 + c3 * P2 - c2 * P3
-        K[27 * LANES + l] += -c2 * P0 - c3 * P1 + c0 * P2 + c1 * P3
-        K[33 * LANES + l] += -c3 * P0 + c2 * P1 - c1 * P2 + c0 * P3
-        P0 = N * V[1 * LANES + l] + b * V[13 * LANES + l]
-        P1 = N * V[4 * LANES + l] + b * V[16 * LANES + l]
-        P2 = N * V[7 * LANES + l] + b * V[19 * LANES + l]
-        P3 = N * V[10 * LANES + l] + b * V[22 * LANES + l]
-        K[22 * LANES + l] += -c1 * P0 + c0 * P1 + c3 * P2 - c2 * P3
-        K[28 * LANES + l] += -c2 * P0 - c3 * P1 + c0 * P2 + c1 * P3
-        K[34 * LANES + l] += -c3 * P0 + c2 * P1 - c1 * P2 + c0 * P3
-        P0 = N * V[2 * LANES + l] + b * V[14 * LANES + l]
-        P1 = N * V[5 * LANES + l] + b * V[17 * LANES + l]
-        P2 = N * V[8 * LANES + l] + b * V[20 * LANES + l]
-        P3 = N * V[11 * LANES + l] + b * V[23 * LANES + l]
-        K[23 * LANES + l] += -c1 * P0 + c0 * P1 + c3 * P2 - c2 * P3
-        K[29 * LANES + l] += -c2 * P0 - c3 * P1 + c0 * P2 + c1 * P3
-        K[35 * LANES + l] += -c3 * P0 + c2 * P1 - c1 * P2 + c0 * P3
+@inner
+def add_rotation_block(N, N_s, oa, c, oc, V, K):
+    """Add the moment rows of node a under the rotation of node b: entries (3 + i, 3 + j)."""
+    for j in range(3):
+        v, k = at(j), at(21 + j)
+        for l in range(LANES):
+            u = np.uint64(l)
+            b = N_s[oa + u]
+            c0, c1, c2, c3 = c[oc + u], c[oc + u + U1], c[oc + u + U2], c[oc + u + U3]
+            p0 = N * V[v + u] + b * V[v + u + U12]
+            p1 = N * V[v + u + U3] + b * V[v + u + U15]
+            p2 = N * V[v + u + U6] + b * V[v + u + U18]
+            p3 = N * V[v + u + U9] + b * V[v + u + U21]
+            K[k + u] += -c1 * p0 + c0 * p1 + c3 * p2 - c2 * p3
+            K[k + u + U6] += -c2 * p0 - c3 * p1 + c0 * p2 + c1 * p3
+            K[k + u + U12] += -c3 * p0 + c2 * p1 - c1 * p2 + c0 * p3
 
 
-@kernel
+@inner
 def add_update_curvature(N, N_s, oa, c, oc, D, K):
     """Subtract 1/4 q_a . dU/dq_a on the diagonal of the rotation block: the second order of q o exp(phi / 2)."""
     for l in range(LANES):
         u = np.uint64(l)
         c1, c2, c3 = c[oc + u + U1], c[oc + u + U2], c[oc + u + U3]
-        rotation = c[oc + u] * D[43 * LANES + l] + c1 * D[44 * LANES + l] + c2 * D[45 * LANES + l]
-        rotation += c3 * D[46 * LANES + l]
-        rate = c1 * D[47 * LANES + l] + c2 * D[48 * LANES + l] + c3 * D[49 * LANES + l]
+        rotation = c[oc + u] * D[94 * LANES + l] + c1 * D[95 * LANES + l] + c2 * D[96 * LANES + l]
+        rotation += c3 * D[97 * LANES + l]
+        rate = c1 * D[98 * LANES + l] + c2 * D[99 * LANES + l] + c3 * D[100 * LANES + l]
         k = 0.5 * (N * rotation + N_s[oa + u] * rate)
         K[21 * LANES + l] -= k
         K[28 * LANES + l] -= k
         K[35 * LANES + l] -= k
 
 
-@kernel
+@inner
 def couple_tangent(M, C_full, dx, D, B, CB):
-    """Add the off-diagonal stiffness C_full (36 rows) to the coefficients.  B, CB: scratch, 24 rows each.
+    """Add the off-diagonal stiffness C_full (36 rows) to the coefficients.  B (28 rows), CB (48 rows): scratch.
 
-    With dstrain = B eta + (R^T dx, Y) the additions are B^T C B, B^T C and their parts turned into space.
+    With dstrain = B eta + (R^T dx, Y), B (6, 4), the additions are B^T C B, B^T C and C, turned into space where they
+    act on x.
     """
     for l in range(LANES):
         G0, G1, G2 = M[9 * LANES + l], M[10 * LANES + l], M[11 * LANES + l]
@@ -421,76 +390,50 @@ def couple_tangent(M, C_full, dx, D, B, CB):
         B[12 * LANES + l], B[13 * LANES + l], B[14 * LANES + l], B[15 * LANES + l] = -k0, -h, -k2, k1
         B[16 * LANES + l], B[17 * LANES + l], B[18 * LANES + l], B[19 * LANES + l] = -k1, k2, -h, -k0
         B[20 * LANES + l], B[21 * LANES + l], B[22 * LANES + l], B[23 * LANES + l] = -k2, -k1, k0, -h
+    # CB[i] = dx C (B | Y): row i of 4 + 4 entries, the first of the Y part (zeta0) stays zero
     for i in range(6):
-        for k in range(4):
-            out = CB[(4 * i + k) * LANES :]
+        for j in range(8):
+            out = CB[(8 * i + j) * LANES :]
             for l in range(LANES):
                 out[l] = 0.0
-            for j in range(6):
-                row, b = C_full[(6 * i + j) * LANES :], B[(4 * j + k) * LANES :]
+            if j < 4:
+                for s in range(6):
+                    row, b = C_full[(6 * i + s) * LANES :], B[(4 * s + j) * LANES :]
+                    for l in range(LANES):
+                        out[l] += dx[l] * row[l] * b[l]
+            elif j > 4:
+                row = C_full[(6 * i + j - 2) * LANES :]
                 for l in range(LANES):
-                    out[l] += dx[l] * row[l] * b[l]
-    k = 0
-    for i in range(4):
-        for j in range(i, 4):
-            out = D[k * LANES :]
+                    out[l] = dx[l] * row[l]
+    for j in range(8):
+        target = 44 if j >= 4 else 0  # Q or P
+        for i in range(4):
+            out = D[(target + 4 * i + j % 4) * LANES :]
             for s in range(6):
-                b, cb = B[(4 * s + i) * LANES :], CB[(4 * s + j) * LANES :]
+                b, cb = B[(4 * s + i) * LANES :], CB[(8 * s + j) * LANES :]
                 for l in range(LANES):
                     out[l] += b[l] * cb[l]
+            if i > 0:
+                zeta, cb = D[(target + 16 + 4 * i + j % 4) * LANES :], CB[(8 * (2 + i) + j) * LANES :]
+                fresh = j >= 4 and j - 4 != i  # entries that tangent_coefficients does not write
+                for l in range(LANES):
+                    zeta[l] = cb[l] + (0.0 if fresh else zeta[l])
+        for i in range(3):
+            out = D[(target + 32 + 4 * i + j % 4) * LANES :]
+            for s in range(3):
+                r, cb = M[(3 * i + s) * LANES :], CB[(8 * s + j) * LANES :]
+                if s == 0 and (j == 0 or j >= 4):  # likewise
+                    for l in range(LANES):
+                        out[l] = 0.0
+                for l in range(LANES):
+                    out[l] += r[l] * cb[l]
+    k = 88
+    for i in range(3):
+        for j in range(i, 3):
+            out = D[k * LANES :]
+            for s in range(3):
+                for t in range(3):
+                    r, c, q = M[(3 * i + s) * LANES :], C_full[(6 * s + t) * LANES :], M[(3 * j + t) * LANES :]
+                    for l in range(LANES):
+                        out[l] += dx[l] * r[l] * c[l] * q[l]
             k += 1
-        for j in range(3):
-            out, cb = D[(10 + 3 * i + j) * LANES :], CB[(4 * (3 + j) + i) * LANES :]
-            for l in range(LANES):
-                out[l] += cb[l]
-    k = 37
-    for i in range(3):
-        for l in range(LANES):
-            w = dx[l]
-            R0, R1, R2 = M[(3 * i) * LANES + l], M[(3 * i + 1) * LANES + l], M[(3 * i + 2) * LANES + l]
-            D[(53 + i) * LANES + l] = R0 * CB[l] + R1 * CB[4 * LANES + l] + R2 * CB[8 * LANES + l]
-            for j in range(3):
-                a0, a1, a2 = CB[(1 + j) * LANES + l], CB[(5 + j) * LANES + l], CB[(9 + j) * LANES + l]
-                D[(28 + 3 * i + j) * LANES + l] += R0 * a0 + R1 * a1 + R2 * a2
-                c0, c1, c2 = C_full[(3 + j) * LANES + l], C_full[(9 + j) * LANES + l], C_full[(15 + j) * LANES + l]
-                D[(56 + 3 * i + j) * LANES + l] = w * (R0 * c0 + R1 * c1 + R2 * c2)
-            for j in range(i, 3):
-                S0, S1, S2 = M[(3 * j) * LANES + l], M[(3 * j + 1) * LANES + l], M[(3 * j + 2) * LANES + l]
-                c01, c02, c12 = w * C_full[1 * LANES + l], w * C_full[2 * LANES + l], w * C_full[8 * LANES + l]
-                D[(k + j - i) * LANES + l] += (
-                    c01 * (R0 * S1 + R1 * S0) + c02 * (R0 * S2 + R2 * S0) + c12 * (R1 * S2 + R2 * S1)
-                )
-        k += 3 - i
-    for l in range(LANES):
-        D[50 * LANES + l] = dx[l] * C_full[22 * LANES + l]
-        D[51 * LANES + l] = dx[l] * C_full[23 * LANES + l]
-        D[52 * LANES + l] = dx[l] * C_full[29 * LANES + l]
-
-
-@kernel
-def couple_column(N, N_s, oa, c, oc, D, V):
-    """Add to a tangent column what only coupled sections have: Y-Y off the diagonal, x-rho and x-Y."""
-    for l in range(LANES):
-        u = np.uint64(l)
-        b = N_s[oa + u]
-        c0, c1, c2, c3 = c[oc + u], c[oc + u + U1], c[oc + u + U2], c[oc + u + U3]
-        y01, y02, y12 = b * D[50 * LANES + l], b * D[51 * LANES + l], b * D[52 * LANES + l]
-        V[15 * LANES + l] += y01 * c3 - y02 * c2
-        V[16 * LANES + l] += y01 * c0 + y02 * c1
-        V[17 * LANES + l] += -y01 * c1 + y02 * c0
-        V[18 * LANES + l] += y01 * c0 - y12 * c2
-        V[19 * LANES + l] += -y01 * c3 + y12 * c1
-        V[20 * LANES + l] += y01 * c2 + y12 * c0
-        V[21 * LANES + l] += y02 * c0 + y12 * c3
-        V[22 * LANES + l] += -y02 * c3 + y12 * c0
-        V[23 * LANES + l] += y02 * c2 - y12 * c1
-    for i in range(3):
-        for l in range(LANES):
-            u = np.uint64(l)
-            c0, c1, c2, c3 = c[oc + u], c[oc + u + U1], c[oc + u + U2], c[oc + u + U3]
-            e = N * D[(53 + i) * LANES + l]
-            b = N_s[oa + u]
-            y0, y1, y2 = D[(56 + 3 * i) * LANES + l], D[(57 + 3 * i) * LANES + l], D[(58 + 3 * i) * LANES + l]
-            V[(24 + 3 * i) * LANES + l] += -e * c1 + b * (y0 * c0 + y1 * c3 - y2 * c2)
-            V[(25 + 3 * i) * LANES + l] += -e * c2 + b * (-y0 * c3 + y1 * c0 + y2 * c1)
-            V[(26 + 3 * i) * LANES + l] += -e * c3 + b * (y0 * c2 - y1 * c1 + y2 * c0)

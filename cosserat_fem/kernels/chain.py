@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import kernel
+from . import inner, kernel
 
 
 @kernel
@@ -101,9 +101,9 @@ def hold_vertices(S, rhs, vertex_rhs, nodes, left, right, held, gap, owner):
                 vertex_rhs[nodes[s], j] = gap[s, j] if owner[s] else 0.0
 
 
-@kernel
-def eliminate_block(M, columns, pivoting):
-    """Gauss elimination of the leading 6x6 block of M (6, columns): on return columns 6.. hold D^-1 times themselves.
+@inner
+def eliminate_block(M, n, pivoting):
+    """Gauss elimination of the leading 6x6 block of M (6, 6 + n): on return the n columns hold D^-1 times themselves.
 
     Returns the number of negative pivots (meaningful without pivoting, for a symmetric block), or -1 if singular.
     """
@@ -114,29 +114,33 @@ def eliminate_block(M, columns, pivoting):
             for i in range(k + 1, 6):
                 if abs(M[i, k]) > abs(M[best, k]):
                     best = i
-            if best != k:
-                for j in range(columns):
-                    M[k, j], M[best, j] = M[best, j], M[k, j]
+            for j in range(6 + n):
+                M[k, j], M[best, j] = M[best, j], M[k, j]
         pivot = M[k, k]
         if pivot == 0.0 or not np.isfinite(pivot):
             return -1
         if pivot < 0.0:
             negative += 1
+        for j in range(k + 1, 6 + n):
+            M[k, j] /= pivot
         for i in range(k + 1, 6):
-            f = M[i, k] / pivot
-            if f != 0.0:
-                for j in range(k + 1, columns):
-                    M[i, j] -= f * M[k, j]
-    for k in range(5, -1, -1):
-        inverse = 1.0 / M[k, k]
-        for j in range(6, columns):
-            M[k, j] *= inverse
+            for j in range(k + 1, 6 + n):
+                M[i, j] -= M[i, k] * M[k, j]
+    for k in range(5, 0, -1):
         for i in range(k):
-            f = M[i, k]
-            if f != 0.0:
-                for j in range(6, columns):
-                    M[i, j] -= f * M[k, j]
+            for j in range(6, 6 + n):
+                M[i, j] -= M[i, k] * M[k, j]
     return negative
+
+
+@inner
+def subtract_product(A, row, X, n, out):
+    """out (6, n) -= A[row : row + 6, :6] X, with X the columns 6 .. 6 + n of an eliminated block."""
+    for i in range(6):
+        for c in range(6):
+            f = A[row + i, c]
+            for j in range(n):
+                out[i, j] -= f * X[c, 6 + j]
 
 
 @kernel
@@ -149,91 +153,54 @@ def eliminate_segments(S, rhs, vertex_rhs, segments, symmetric, kept, joint_S, j
     joint_S (G, 12, 12), joint_rhs (G, 12): matrix and right-hand side between the two joints, written.
     Returns the number of negative pivots, or -1 - (node number) of a singular vertex.
     """
-    M = np.empty((6, 19))
+    # a row of blocks: columns 0-5 the next vertex (of `carry`: the vertex itself), 6 right-hand side, 7-12 left joint
+    M, carry, joint = np.zeros((6, 19)), np.zeros((6, 13)), np.zeros((6, 13))
     negative = 0
     for g in range(segments.shape[0]):
         first, count, vertex, left, right, row = segments[g]
-        n_columns = 19 if left >= 0 else 13
-        for i in range(12):
-            joint_rhs[g, i] = 0.0
-            for j in range(12):
-                joint_S[g, i, j] = 0.0
-        # what the element before left at its right vertex: own block, rhs, coupling to and from the left joint
-        own, load = np.zeros((6, 6)), np.zeros(6)
-        to_left, from_left = np.zeros((6, 6)), np.zeros((6, 6))
+        n = 13 if left >= 0 else 7
+        carry[:] = 0.0
+        joint[:] = 0.0
         for k in range(count + 1):
-            node, e = vertex + k, first + k
+            e, last = first + k, k == count
+            if last and right >= 0:
+                break
             if k == 0 and left >= 0:
                 for i in range(6):
-                    joint_rhs[g, i] = rhs[e, i]
-                    load[i] = rhs[e, 6 + i]
+                    joint[i, 6], carry[i, 6] = rhs[e, i], rhs[e, 6 + i]
                     for j in range(6):
-                        joint_S[g, i, j] = S[e, i, j]
-                        own[i, j] = S[e, 6 + i, 6 + j]
-                        to_left[i, j] = S[e, 6 + i, j]
-                        from_left[i, j] = S[e, i, 6 + j]
+                        joint[i, j], joint[i, 7 + j] = S[e, i, 6 + j], S[e, i, j]
+                        carry[i, j], carry[i, 7 + j] = S[e, 6 + i, 6 + j], S[e, 6 + i, j]
                 continue
-            if k == count and right >= 0:
-                for i in range(6):
-                    joint_rhs[g, 6 + i] = load[i]
-                    for j in range(6):
-                        joint_S[g, 6 + i, 6 + j] = own[i, j]
-                        joint_S[g, 6 + i, j] = to_left[i, j]
-                        joint_S[g, i, 6 + j] = from_left[i, j]
-                continue
-            last = k == count
             for i in range(6):
-                M[i, 12] = load[i] + vertex_rhs[node, i]
                 for j in range(6):
-                    M[i, j] = own[i, j]
-                    M[i, 6 + j] = 0.0
-                if left >= 0:
-                    for j in range(6):
-                        M[i, 13 + j] = to_left[i, j]
-                if not last:
-                    M[i, 12] += rhs[e, i]
-                    for j in range(6):
-                        M[i, j] += S[e, i, j]
-                        M[i, 6 + j] = S[e, i, 6 + j]
-            sign = eliminate_block(M, n_columns, not symmetric)
+                    M[i, j] = carry[i, j] if last else carry[i, j] + S[e, i, j]
+                    M[i, 6 + j] = 0.0 if last else S[e, i, 6 + j]
+                    M[i, 13 + j] = carry[i, 7 + j]
+                M[i, 12] = carry[i, 6] + vertex_rhs[vertex + k, i] + (0.0 if last else rhs[e, i])
+            sign = eliminate_block(M, n, not symmetric)
             if sign < 0:
-                return -1 - node
+                return -1 - (vertex + k)
             negative += sign
             for i in range(6):
-                for j in range(n_columns - 6):
+                for j in range(n):
                     kept[row + k, i, j] = M[i, 6 + j]
+            if not last:
+                for i in range(6):
+                    carry[i, 6] = rhs[e, 6 + i]
+                    for j in range(6):
+                        carry[i, j], carry[i, 7 + j] = S[e, 6 + i, 6 + j], 0.0
+                subtract_product(S[e], 6, M, n, carry)
             if left >= 0:
-                for i in range(6):
-                    for c in range(6):
-                        f = from_left[i, c]
-                        joint_rhs[g, i] -= f * M[c, 12]
-                        for j in range(6):
-                            joint_S[g, i, j] -= f * M[c, 13 + j]
-            if last:
-                continue
-            for i in range(6):
-                load[i] = rhs[e, 6 + i]
-                for j in range(6):
-                    own[i, j] = S[e, 6 + i, 6 + j]
-            for i in range(6):
-                for c in range(6):
-                    f = S[e, 6 + i, c]
-                    load[i] -= f * M[c, 12]
+                for i in range(6):  # the coupling of the joint moves on to the next vertex
                     for j in range(6):
-                        own[i, j] -= f * M[c, 6 + j]
-            if left >= 0:
-                for i in range(6):
-                    for j in range(6):
-                        total = next_left = 0.0
-                        for c in range(6):
-                            total += S[e, 6 + i, c] * M[c, 13 + j]
-                            next_left += from_left[i, c] * M[c, 6 + j]
-                        to_left[i, j] = -total
-                        own_from = -next_left
-                        M[i, j] = own_from
-                for i in range(6):
-                    for j in range(6):
-                        from_left[i, j] = M[i, j]
+                        M[i, j], joint[i, j] = joint[i, j], 0.0
+                subtract_product(M, 0, M, n, joint)
+        for i in range(6):
+            joint_rhs[g, i], joint_rhs[g, 6 + i] = joint[i, 6], carry[i, 6]
+            for j in range(6):
+                joint_S[g, i, j], joint_S[g, i, 6 + j] = joint[i, 7 + j], joint[i, j]
+                joint_S[g, 6 + i, j], joint_S[g, 6 + i, 6 + j] = carry[i, 7 + j], carry[i, j]
     return negative
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import kernel
+from . import inner, kernel
 from .beam import (
     COLUMN_ROWS,
     FORCE_ROWS,
@@ -21,11 +21,12 @@ from .beam import (
     LANES,
     TANGENT_ROWS,
     add_node_force,
-    add_symmetric_blocks,
+    add_rotation_block,
     add_update_curvature,
+    add_x_block,
     add_x_rotation_block,
     at,
-    couple_column,
+    couple_stress,
     couple_tangent,
     gather,
     generalized_force,
@@ -39,13 +40,13 @@ from .beam import (
 )
 
 
-@kernel
+@inner
 def clear(array):
     for i in range(array.shape[0]):
         array[i] = 0.0
 
 
-@kernel
+@inner
 def raise_to(largest, T):
     """Keep the largest squared force and moment seen: largest two rows, T six rows."""
     for l in range(LANES):
@@ -56,7 +57,7 @@ def raise_to(largest, T):
         largest[LANES + l] = max(largest[LANES + l], m2)
 
 
-@kernel
+@inner
 def largest_of(largest):
     n2 = m2 = 0.0
     for l in range(LANES):
@@ -64,7 +65,7 @@ def largest_of(largest):
     return np.sqrt(n2), np.sqrt(m2)
 
 
-@kernel
+@inner
 def scatter_nodes(conn, count, G, g):
     """Add a pack's nodal rows G (6A) to g (N, 6); lanes from `count` on are padding."""
     for lane in range(count):
@@ -79,14 +80,13 @@ def residual(conn, n_elements, N, N_s, dx, C, C_full, reference, r, q, g):
     """Add the internal force of all elements to g (N, 6): force in space, moment in the body frame.
 
     conn (P, A, LANES), N (Q, A), N_s (P, Q, A * LANES), dx (P, Q, LANES), C and reference (P, Q, 6 * LANES),
-    C_full (P, Q, 36 * LANES) or empty.  Returns the largest section force [N] and moment [N m].
+    C_full (P, Q, 36 * LANES) or None.  Returns the largest section force [N] and moment [N m].
     """
     A, Q = conn.shape[1], N.shape[0]
     node, S = np.empty(7 * A * LANES), np.empty(11 * LANES)
     M, F = np.empty(KINEMATIC_ROWS * LANES), np.empty(FORCE_ROWS * LANES)
     strain, T, c = np.empty(6 * LANES), np.empty(6 * LANES), np.empty(4 * LANES)
     G, largest = np.empty(6 * A * LANES), np.zeros(2 * LANES)
-    none = np.empty(0)
     for k in range(conn.shape[0]):
         gather(conn[k], r, q, node)
         clear(G)
@@ -94,7 +94,9 @@ def residual(conn, n_elements, N, N_s, dx, C, C_full, reference, r, q, g):
             interpolate(N[i], N_s[k, i], node, S)
             kinematics(S, M)
             strain_minus_reference(M, reference[k, i], strain)
-            stress_from_strain(strain, C[k, i], C_full[k, i] if C_full.shape[0] > 0 else none, T)
+            stress_from_strain(strain, C[k, i], T)
+            if C_full is not None:
+                couple_stress(strain, C_full[k, i], T)
             raise_to(largest, T)
             generalized_force(M, T, dx[k, i], F)
             slope = N_s[k, i]
@@ -105,66 +107,12 @@ def residual(conn, n_elements, N, N_s, dx, C, C_full, reference, r, q, g):
     return largest_of(largest)
 
 
-@kernel
-def pack_tangent(conn, N, N_s, dx, C, C_full, reference, sigma, r, q, work, K, G, largest):
-    """Force rows G (6A) and 6x6 blocks K (36 rows for each node pair) of one pack.
-
-    Block (a, b) holds rows of node a, columns of node b. Only what symmetry does not give is filled: entries
-    (i, 3 + j) of every block, (i, j) and (3 + i, 3 + j) of blocks with a >= b.
-    """
-    A = conn.shape[0]
-    node, S, M, F, D, V, strain, T, c, B, CB = work
-    gather(conn, r, q, node)
-    clear(K)
-    clear(G)
-    for i in range(N.shape[0]):
-        interpolate(N[i], N_s[i], node, S)
-        kinematics(S, M)
-        strain_minus_reference(M, reference[i], strain)
-        stress_from_strain(strain, C[i], C_full[i], T)
-        raise_to(largest, T)
-        generalized_force(M, T, dx[i], F)
-        tangent_coefficients(M, sigma[i], C[i], dx[i], D)
-        coupled = C_full.shape[1] > 0
-        if coupled:
-            couple_tangent(M, C_full[i], dx[i], D, B, CB)
-        slope = N_s[i]
-        for a in range(A):
-            relative_quaternion(M, node[7 * a * LANES :], c, at(4 * a))
-            add_node_force(N[i, a], slope, at(a), c, at(4 * a), F, G[6 * a * LANES :])
-        for b in range(A):
-            tangent_column(N[i, b], slope, at(b), c, at(4 * b), D, V)
-            if coupled:
-                couple_column(N[i, b], slope, at(b), c, at(4 * b), D, V)
-            for a in range(A):
-                block = K[36 * (a * A + b) * LANES :]
-                add_x_rotation_block(slope, at(a), V, block)
-                if a >= b:
-                    add_symmetric_blocks(N[i, a], slope, at(a), at(b), c, at(4 * a), D, V, block)
-            add_update_curvature(N[i, b], slope, at(b), c, at(4 * b), D, K[36 * (b * A + b) * LANES :])
-
-
-@kernel
-def workspace(A):
-    """Scratch of `pack_tangent` for elements with A nodes."""
-    return (
-        np.empty(7 * A * LANES),
-        np.empty(11 * LANES),
-        np.empty(KINEMATIC_ROWS * LANES),
-        np.empty(FORCE_ROWS * LANES),
-        np.empty(TANGENT_ROWS * LANES),
-        np.empty(COLUMN_ROWS * LANES),
-        np.empty(6 * LANES),
-        np.empty(6 * LANES),
-        np.empty(4 * A * LANES),
-        np.empty(24 * LANES),
-        np.empty(24 * LANES),
-    )
-
-
-@kernel
+@inner
 def block_entry(A, a, i, b, j):
-    """Where entry (6a + i, 6b + j) of a pack's matrix stands in the blocks of `pack_tangent`."""
+    """Where entry (6a + i, 6b + j) of a pack's matrix stands in its 6x6 blocks.
+
+    Filled are entries (i, 3 + j) of every block (a, b), (i, j) and (3 + i, 3 + j) of blocks with a >= b.
+    """
     if i < 3 and j >= 3:
         return 36 * (a * A + b) + 6 * i + j
     if i >= 3 and j < 3:
@@ -179,13 +127,25 @@ def block_entry(A, a, i, b, j):
 U1, U2, U3, U4, U5 = (np.uint64(k * LANES) for k in range(1, 6))
 
 
-@kernel
+@inner
+def export_matrices(A, count, first, K, matrices):
+    """Copy the blocks of a pack to matrices (E, 6A, 6A), nodes in connectivity order."""
+    for a in range(A):
+        for b in range(A):
+            for i in range(6):
+                for j in range(6):
+                    source = K[block_entry(A, a, i, b, j) * LANES :]
+                    for lane in range(count):
+                        matrices[first + lane, 6 * a + i, 6 * b + j] = source[lane]
+
+
+@inner
 def copy_lanes(source, so, target, to):
     for l in range(U1):
         target[to + l] = source[so + l]
 
 
-@kernel
+@inner
 def scale_six(f, source, so, target, to):
     """target = f source for six columns, one factor per lane."""
     for l in range(U1):
@@ -198,7 +158,7 @@ def scale_six(f, source, so, target, to):
         target[to + l + U5] = g * source[so + l + U5]
 
 
-@kernel
+@inner
 def subtract_six(f, fo, source, so, target, to):
     """target -= f source for six columns, one factor per lane."""
     for l in range(U1):
@@ -211,7 +171,7 @@ def subtract_six(f, fo, source, so, target, to):
         target[to + l + U5] -= g * source[so + l + U5]
 
 
-@kernel
+@inner
 def subtract_dot_six(row, ro, u, uo, total):
     """total -= sum of row * u over six columns."""
     for l in range(U1):
@@ -221,7 +181,7 @@ def subtract_dot_six(row, ro, u, uo, total):
         total[l] -= t
 
 
-@kernel
+@inner
 def condense_pack(count, n_interior, X, b, f, symmetric):
     """Eliminate the first n_interior unknowns of a pack: matrix X (n rows of n columns), right-hand side b (n), flat.
 
@@ -257,7 +217,7 @@ def condense_pack(count, n_interior, X, b, f, symmetric):
     return negative
 
 
-@kernel
+@inner
 def keep_factor(n_interior, X, b, factor):
     """Store what back substitution needs of a pack: the eliminated rows of X, then those of b."""
     n = n_interior + 12
@@ -267,7 +227,7 @@ def keep_factor(n_interior, X, b, factor):
         factor[n_interior * n * LANES + k] = b[k]
 
 
-@kernel
+@inner
 def export_pack(count, first, n_interior, X, b, S, rhs, symmetric):
     """Copy the condensed 12x12 matrices and right-hand sides of a pack to S (E, 12, 12) and rhs (E, 12)."""
     n = n_interior + 12
@@ -283,7 +243,7 @@ def export_pack(count, first, n_interior, X, b, S, rhs, symmetric):
             rhs[first + lane, i] = row[lane]
 
 
-@kernel
+@inner
 def fill_rhs(conn, g, b):
     """Right-hand side -g at the interior nodes; the vertices' share is summed over elements elsewhere."""
     A = conn.shape[0]
@@ -295,7 +255,7 @@ def fill_rhs(conn, g, b):
                 b[(row + i) * LANES + lane] = -g[k, i] if a >= 2 else 0.0
 
 
-@kernel
+@inner
 def add_extra(first, count, extra, A, X):
     """Add element matrices extra (E, 6A, 6A), nodes in connectivity order, to a pack's matrix."""
     n = 6 * A
@@ -309,7 +269,7 @@ def add_extra(first, count, extra, A, X):
                         X[((row + i) * n + column + j) * LANES + lane] += extra[first + lane, 6 * a + i, 6 * b + j]
 
 
-@kernel
+@inner
 def add_nodal(conn, first, count, owner, nodal, X):
     """Add nodal matrices nodal (N, 6, 6) to a pack's matrix, each node once: in the element owner[node]."""
     A = conn.shape[0]
@@ -324,7 +284,7 @@ def add_nodal(conn, first, count, owner, nodal, X):
                         X[((row + i) * n + row + j) * LANES + lane] += nodal[k, i, j]
 
 
-@kernel
+@inner
 def add_shift(conn, first, count, owner, shift, mu, X):
     """Add mu * shift (N, 6) on the diagonal of a pack's matrix, each node once."""
     A = conn.shape[0]
@@ -338,9 +298,9 @@ def add_shift(conn, first, count, owner, shift, mu, X):
                     X[((row + i) * n + row + i) * LANES + lane] += mu * shift[k, i]
 
 
-@kernel
+@inner
 def fill_matrix(A, K, X):
-    """Arrange the blocks of `pack_tangent` as rows and columns, interior nodes first: X (n rows of n columns)."""
+    """Arrange the blocks of a pack as rows and columns, interior nodes first: X (n rows of n columns)."""
     n = 6 * A
     for a in range(A):
         row = 6 * (a - 2 if a >= 2 else a + A - 2)
@@ -353,32 +313,63 @@ def fill_matrix(A, K, X):
 
 @kernel
 def assemble(
-    conn, n_elements, N, N_s, dx, C, C_full, reference, sigma, r, q, g, owner, extra, nodal, shift, mu, symmetric,
-    S, rhs, factor,
+    conn, n_elements, N, N_s, dx, C, C_full, reference, sigma, r, q, g, owner, nodal, shift, mu, symmetric,
+    S, rhs, factor, matrices,
 ):
-    """Internal force added to g (N, 6) and the condensed tangent of all elements of a group.
+    """Internal force added to g (N, 6) and the tangent of all elements of a group, condensed to their ends.
 
     g must already hold everything else, because the condensed right-hand side is -g at the interior nodes.
-    extra (E, 6A, 6A), nodal (N, 6, 6): tangents of other terms, or empty.  mu * shift (N, 6): added on the diagonal.
-    S (E, 12, 12), rhs (E, 12), factor (P, n_interior * (n + 1) * LANES): written.
+    nodal (N, 6, 6): tangents of other terms, or empty. mu * shift (N, 6): added on the diagonal.
+    S (E, 12, 12), rhs (E, 12), factor (P, n_interior * (n + 1) * LANES): written; or, if matrices (E, 6A, 6A) is not
+    empty, only the full element matrices of the internal force, nodes in connectivity order.
     Returns (largest force, largest moment, negative pivots).
     """
-    A = conn.shape[1]
+    A, Q = conn.shape[1], N.shape[0]
     n, n_interior = 6 * A, 6 * A - 12
-    work = workspace(A)
+    node, S_, M = np.empty(7 * A * LANES), np.empty(11 * LANES), np.empty(KINEMATIC_ROWS * LANES)
+    F, D, V = np.empty(FORCE_ROWS * LANES), np.zeros(TANGENT_ROWS * LANES), np.empty(COLUMN_ROWS * LANES)
+    strain, T, c = np.empty(6 * LANES), np.empty(6 * LANES), np.empty(4 * A * LANES)
+    B, CB = np.empty(24 * LANES), np.empty(48 * LANES)
     K, G, X = np.empty(36 * A * A * LANES), np.empty(6 * A * LANES), np.empty(n * n * LANES)
     b, f, largest = np.empty(n * LANES), np.empty(n * LANES), np.zeros(2 * LANES)
-    none = np.empty((N.shape[0], 0))
     negative = 0
     for k in range(conn.shape[0]):
         first = k * LANES
         count = min(LANES, n_elements - first)
-        full = C_full[k] if C_full.shape[0] > 0 else none
-        pack_tangent(conn[k], N, N_s[k], dx[k], C[k], full, reference[k], sigma[k], r, q, work, K, G, largest)
+        gather(conn[k], r, q, node)
+        clear(K)
+        clear(G)
+        for i in range(Q):
+            slope = N_s[k, i]
+            interpolate(N[i], slope, node, S_)
+            kinematics(S_, M)
+            strain_minus_reference(M, reference[k, i], strain)
+            stress_from_strain(strain, C[k, i], T)
+            if C_full is not None:
+                couple_stress(strain, C_full[k, i], T)
+            raise_to(largest, T)
+            generalized_force(M, T, dx[k, i], F)
+            tangent_coefficients(M, sigma[k, i], C[k, i], dx[k, i], D)
+            if C_full is not None:
+                couple_tangent(M, C_full[k, i], dx[k, i], D, B, CB)
+            for a in range(A):
+                relative_quaternion(M, node[7 * a * LANES :], c, at(4 * a))
+                add_node_force(N[i, a], slope, at(a), c, at(4 * a), F, G[6 * a * LANES :])
+            # block (a, e): rows of node a, columns of node e; what symmetry gives is not computed
+            for e in range(A):
+                tangent_column(N[i, e], slope, at(e), c, at(4 * e), D, V)
+                for a in range(A):
+                    block = K[36 * (a * A + e) * LANES :]
+                    add_x_rotation_block(slope, at(a), V, block)
+                    if a >= e:
+                        add_x_block(slope, at(a), at(e), D, block)
+                        add_rotation_block(N[i, a], slope, at(a), c, at(4 * a), V, block)
+                add_update_curvature(N[i, e], slope, at(e), c, at(4 * e), D, K[36 * (e * A + e) * LANES :])
         scatter_nodes(conn[k], count, G, g)
+        if matrices.shape[0] > 0:
+            export_matrices(A, count, first, K, matrices)
+            continue
         fill_matrix(A, K, X)
-        if extra.shape[0] > 0:
-            add_extra(first, count, extra, A, X)
         if nodal.shape[0] > 0:
             add_nodal(conn[k], first, count, owner, nodal, X)
         if mu > 0.0:
@@ -418,27 +409,6 @@ def condense_elements(conn, n_elements, matrices, g, owner, nodal, shift, mu, sy
 
 
 @kernel
-def element_matrices(conn, n_elements, N, N_s, dx, C, C_full, reference, sigma, r, q, g, out):
-    """Full element matrices out (E, 6A, 6A), nodes in connectivity order; the internal force is added to g (N, 6)."""
-    A = conn.shape[1]
-    work = workspace(A)
-    K, G, largest = np.empty(36 * A * A * LANES), np.empty(6 * A * LANES), np.zeros(2 * LANES)
-    none = np.empty((N.shape[0], 0))
-    for k in range(conn.shape[0]):
-        count = min(LANES, n_elements - k * LANES)
-        full = C_full[k] if C_full.shape[0] > 0 else none
-        pack_tangent(conn[k], N, N_s[k], dx[k], C[k], full, reference[k], sigma[k], r, q, work, K, G, largest)
-        scatter_nodes(conn[k], count, G, g)
-        for a in range(A):
-            for b in range(A):
-                for i in range(6):
-                    for j in range(6):
-                        source = K[block_entry(A, a, i, b, j) * LANES :]
-                        for lane in range(count):
-                            out[k * LANES + lane, 6 * a + i, 6 * b + j] = source[lane]
-
-
-@kernel
 def back_substitute(conn, n_elements, factor, du):
     """Fill the interior rows of du (N, 6) from its vertex rows, with the rows kept by `condense_pack`."""
     A = conn.shape[1]
@@ -464,7 +434,7 @@ def back_substitute(conn, n_elements, factor, du):
                     du[conn[k, a, lane], i] = u[(6 * (a - 2) + i) * LANES + lane]
 
 
-@kernel
+@inner
 def gather_increment(conn, node, du, scale, dnode):
     """Nodal increments (dr, dq) of a pack: dq_a = 1/2 q_a o (0, phi_a), times `scale`."""
     for a in range(conn.shape[0]):
@@ -481,7 +451,7 @@ def gather_increment(conn, node, du, scale, dnode):
             dnode[(7 * a + 6) * LANES + lane] = a0 * h2 + a1 * h1 - a2 * h0
 
 
-@kernel
+@inner
 def add_strain_increment(M, dS, strain):
     """strain += B du at one Gauss point: dGamma = R^T dx + Gamma x omega, dK = Y - (rho K + sigma omega + omega x K)/2."""
     for l in range(LANES):
@@ -514,7 +484,6 @@ def extrapolate_stress(conn, N, N_s, C, C_full, reference, r, q, du, scale, sigm
     A = conn.shape[1]
     node, dnode = np.empty(7 * A * LANES), np.empty(7 * A * LANES)
     S, dS, M, strain = np.empty(11 * LANES), np.empty(11 * LANES), np.empty(KINEMATIC_ROWS * LANES), np.empty(6 * LANES)
-    none = np.empty(0)
     for k in range(conn.shape[0]):
         gather(conn[k], r, q, node)
         gather_increment(conn[k], node, du, scale, dnode)
@@ -524,7 +493,9 @@ def extrapolate_stress(conn, N, N_s, C, C_full, reference, r, q, du, scale, sigm
             kinematics(S, M)
             strain_minus_reference(M, reference[k, i], strain)
             add_strain_increment(M, dS, strain)
-            stress_from_strain(strain, C[k, i], C_full[k, i] if C_full.shape[0] > 0 else none, sigma[k, i])
+            stress_from_strain(strain, C[k, i], sigma[k, i])
+            if C_full is not None:
+                couple_stress(strain, C_full[k, i], sigma[k, i])
 
 
 @kernel

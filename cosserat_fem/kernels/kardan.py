@@ -21,22 +21,22 @@ from math import cos, sin
 
 import numpy as np
 
-from . import kernel
+from . import inner, kernel
 
 
-@kernel
+@inner
 def cross(a, b, out):
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@kernel
+@inner
 def dot3(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel
+@inner
 def frame(angle, R, b, db):
     """Rotation R (3, 3), body axes b (3, 3) and their derivatives db[i, j] = d b_i / d angle_j (3, 3, 3)."""
     c0, s0, c1, s1 = cos(angle[0]), sin(angle[0]), cos(angle[1]), sin(angle[1])
@@ -55,7 +55,7 @@ def frame(angle, R, b, db):
                 db[i, j] = 0.0
 
 
-@kernel
+@inner
 def interpolate(nodes, N, N_s, r, angles, x, angle, rate):
     for i in range(3):
         x[i] = angle[i] = rate[i] = 0.0
@@ -65,7 +65,7 @@ def interpolate(nodes, N, N_s, r, angles, x, angle, rate):
             rate[i] += N_s[a] * angles[nodes[a], i]
 
 
-@kernel
+@inner
 def strain_at(x, rate, R, b, strain):
     for i in range(3):
         strain[i] = R[0, i] * x[0] + R[1, i] * x[1] + R[2, i] * x[2]
@@ -84,7 +84,7 @@ def strain_and_frame(conn, N, N_s, r, angles, strain, frames):
             strain_at(x, rate, frames[e, q], b, strain[e, q])
 
 
-@kernel
+@inner
 def gradient_rows(strain, rate, N, N_s, R, b, db, B):
     """B (6, 6 A): derivative of the strain with respect to (w, angles) of every node."""
     G, turned = strain[:3], np.empty(3)
@@ -99,7 +99,7 @@ def gradient_rows(strain, rate, N, N_s, R, b, db, B):
                 B[3 + i, 6 * a + 3 + j] = N[a] * change + N_s[a] * b[j, i]
 
 
-@kernel
+@inner
 def second_variation(strain, rate, n, m, R, b, db, xa, aa, ra):
     """Second derivatives of n.Gamma + m.K: xa (space x, angle), aa (angle, angle), ra (rate, angle), each (3, 3)."""
     u, v, w = np.empty(3), np.empty(3), np.empty(3)

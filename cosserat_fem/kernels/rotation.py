@@ -13,12 +13,12 @@ from math import atan2, cos, sin, sqrt
 
 import numpy as np
 
-from . import kernel
+from . import inner, kernel
 
 SMALL = 1e-4  # below this angle the series is exact to round-off
 
 
-@kernel
+@inner
 def exp_half(x, y, z):
     """Quaternion of the rotation vector (x, y, z) [rad]."""
     angle2 = x * x + y * y + z * z
@@ -30,7 +30,7 @@ def exp_half(x, y, z):
     return cos(0.5 * angle), f * x, f * y, f * z
 
 
-@kernel
+@inner
 def log_quaternion(w, x, y, z):
     """Rotation vector [rad] of a unit quaternion, the shorter way round (angle <= pi)."""
     if w < 0.0:

@@ -19,7 +19,7 @@ import numpy as np
 from ..kernels import condense, kardan
 from ..space import Blocks, Space, State, from_lanes, lanes
 
-NO_MATRICES = np.empty((0, 0, 0))
+NO_MATRICES, NO_ROWS = np.empty((0, 0, 0)), np.empty((0, 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +73,10 @@ class QuaternionBeam:
             K = np.empty((group.n_elements, n, n))
             g = np.zeros((space.n_nodes, 6))
             N_s, dx, C, C_full, reference = group.tables
-            condense.element_matrices(
-                group.packed_conn, group.n_elements, group.N, N_s, dx, C, C_full, reference, stress, state.r, state.q, g, K
-            )
+            condense.assemble(
+                group.packed_conn, group.n_elements, group.N, N_s, dx, C, C_full, reference, stress, state.r, state.q,
+                g, space.owner, NO_MATRICES, NO_ROWS, 0.0, True, NO_MATRICES, NO_ROWS, NO_ROWS, K,
+            )  # fmt: skip
             # forces are summed over elements already: give each node's sum to one of its elements
             force = np.zeros((group.n_elements, group.order + 1, 6))
             mine = space.owner[group.conn] == np.arange(group.n_elements)[:, None]
@@ -103,8 +104,8 @@ class QuaternionBeam:
             N_s, dx, C, C_full, reference = group.tables
             f, m, n = condense.assemble(
                 group.packed_conn, group.n_elements, group.N, N_s, dx, C, C_full, reference, stress, state.r, state.q,
-                g, space.owner, NO_MATRICES, additions.nodal, additions.shift, additions.mu, additions.symmetric,
-                out.S, out.rhs, out.factor,
+                g, space.owner, additions.nodal, additions.shift, additions.mu, additions.symmetric,
+                out.S, out.rhs, out.factor, NO_MATRICES,
             )  # fmt: skip
             force, moment, negative = max(force, f), max(moment, m), negative + n
         return force, moment, negative
