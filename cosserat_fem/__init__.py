@@ -1,0 +1,74 @@
+"""Cables that follow mechanisms: geometrically exact (Cosserat) rods by finite elements.
+
+Rule: the names below are the package; they load when first used, so that importing it, or asking the command line for
+help, costs next to nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+_HOMES = {
+    "Section": "section",
+    "Rod": "rod",
+    "Part": "mechanism",
+    "GROUND": "mechanism",
+    "Hinge": "mechanism",
+    "Slider": "mechanism",
+    "Path": "mechanism",
+    "Clamp": "support",
+    "Pin": "support",
+    "Weld": "support",
+    "Gravity": "terms",
+    "LineLoad": "terms",
+    "PointLoad": "terms",
+    "Model": "model",
+    "State": "space",
+    "History": "history",
+    "solve_static": "statics",
+    "solve_quasistatic": "statics",
+    "bend_radius": "checks",
+    "distance_from_drawing": "checks",
+    "CurveGeometry": "curve",
+    "curve_geometry": "curve",
+    "rebuild_curve": "curve",
+    "load_scene": "scene",
+    "Scene": "scene",
+    "run_scene": "run",
+    "CosseratError": "errors",
+    "SceneError": "errors",
+    "MeshError": "errors",
+    "KardanError": "errors",
+    "ConvergenceError": "errors",
+}
+
+__all__ = sorted(_HOMES)
+
+if TYPE_CHECKING:
+    from .checks import bend_radius, distance_from_drawing
+    from .curve import CurveGeometry, curve_geometry, rebuild_curve
+    from .errors import ConvergenceError, CosseratError, KardanError, MeshError, SceneError
+    from .history import History
+    from .mechanism import GROUND, Hinge, Part, Path, Slider
+    from .model import Model
+    from .rod import Rod
+    from .run import run_scene
+    from .scene import Scene, load_scene
+    from .section import Section
+    from .space import State
+    from .statics import solve_quasistatic, solve_static
+    from .support import Clamp, Pin, Weld
+    from .terms import Gravity, LineLoad, PointLoad
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'cosserat_fem' has no attribute {name!r}")
+    value = getattr(import_module(f".{_HOMES[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOMES])

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from .errors import check_shape
@@ -240,6 +239,8 @@ def rebuild_curve(
     frame : (3, 3)
         Columns T, N, B at the first s; default the axes x, y, z.
     """
+    from scipy.integrate import solve_ivp
+
     s = check_shape("rebuild_curve: s", s, (-1,))
     frame = np.eye(3) if frame is None else check_shape("rebuild_curve: frame", frame, (3, 3))
 

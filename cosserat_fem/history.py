@@ -76,30 +76,57 @@ class History:
 
     def nodes(self, rod: Rod | str) -> np.ndarray:
         """Arc lengths (N,) [m] of a rod's nodes."""
-        return self.model.space[self._rod(rod)].s
+        return self.model.space[self.rod(rod)].s
 
     def stations(self, rod: Rod | str) -> np.ndarray:
         """Arc lengths (Q,) [m] of a rod's Gauss points, where strains and section forces are most accurate."""
-        return self.model.space[self._rod(rod)].s_gauss
+        return self.model.space[self.rod(rod)].s_gauss
 
     def positions(self, rod: Rod | str) -> np.ndarray:
         """Node positions (T, N, 3) [m]."""
-        nodes = self.model.space[self._rod(rod)].nodes
+        nodes = self.model.space[self.rod(rod)].nodes
         return np.array([record.state.r[nodes] for record in self.records])
 
     def directors(self, rod: Rod | str) -> np.ndarray:
         """Section frames [d1 d2 d3] (T, N, 3, 3) at the nodes."""
-        nodes = self.model.space[self._rod(rod)].nodes
+        nodes = self.model.space[self.rod(rod)].nodes
         return matrix_from_quaternion(np.array([record.state.q[nodes] for record in self.records]))
 
     def strains(self, rod: Rod | str) -> np.ndarray:
         """(shear 1, shear 2, stretch, bend 1, bend 2, twist) (T, Q, 6) [-, 1/m] minus the stress-free shape's."""
         return self._along(rod)[0]
 
+    def total_strains(self, rod: Rod | str) -> np.ndarray:
+        """As `strains`, with the stress-free shape's: (Gamma, K) (T, Q, 6), of a straight rod at rest (0, 0, 1, 0, 0, 0)."""
+        view = self.model.space[self.rod(rod)]
+        reference = self.model.space.groups[view.group].reference[view.elements].reshape(-1, 6)
+        return self._along(rod)[0] + reference
+
+    def at_nodes(self, rod: Rod | str, values: np.ndarray) -> np.ndarray:
+        """Values (T, Q, ...) from the Gauss points to the nodes (T, N, ...), ends included.
+
+        The polynomial through the Gauss points of an element, taken at its nodes; where two elements meet, the mean.
+        """
+        rod = self.rod(rod)
+        view = self.model.space[rod]
+        group = self.model.space.groups[view.group]
+        order = group.order
+        points, nodes = group.basis.X[0], np.sort(group.basis.elem.doflocs[:, 0])
+        powers = np.arange(order)
+        take = ((nodes[:, None] - 0.5) ** powers) @ np.linalg.inv((points[:, None] - 0.5) ** powers)
+        T, E = len(values), len(view.vertices) - 1
+        local = np.einsum("nq,teq...->ten...", take, values.reshape(T, E, order, *values.shape[2:]))
+        out = np.zeros((T, E * order + 1, *values.shape[2:]))
+        out[:, :-1].reshape(T, E, order, *values.shape[2:])[...] += local[:, :, :-1]
+        ends = out[:, order::order]
+        ends += local[:, :, -1]
+        out[:, order:-1:order] *= 0.5
+        return out
+
     def section_forces(self, rod: Rod | str, frame: Literal["material", "spatial"] = "material") -> np.ndarray:
         """Force and moment (T, Q, 6) [N, N m] of the part beyond s on the part before it, in directors or in space."""
         strain, frames = self._along(rod)
-        view = self.model.space[self._rod(rod)]
+        view = self.model.space[self.rod(rod)]
         C = self.model.space.groups[view.group].stiffness[view.elements].reshape(-1, 6, 6)
         forces = np.einsum("qij,tqj->tqi", C, strain)
         if frame == "spatial":
@@ -166,7 +193,7 @@ class History:
         r' = R Gamma; higher derivatives by r'' = R (Gamma' + K x Gamma) and so on, with Gamma', K' from the polynomial
         through the Gauss points of each element.
         """
-        rod = self._rod(rod)
+        rod = self.rod(rod)
         view = self.model.space[rod]
         group = self.model.space.groups[view.group]
         state = self.records[step].state
@@ -201,7 +228,7 @@ class History:
 
     def _along(self, rod: Rod | str) -> tuple[np.ndarray, np.ndarray]:
         """Strains minus reference (T, Q, 6) and frames (T, Q, 3, 3)."""
-        rod = self._rod(rod)
+        rod = self.rod(rod)
         view = self.model.space[rod]
         group = self.model.space.groups[view.group]
         strains, frames = [], []
@@ -212,7 +239,8 @@ class History:
         n = len(view.s_gauss)
         return np.array(strains).reshape(-1, n, 6), np.array(frames).reshape(-1, n, 3, 3)
 
-    def _rod(self, rod: Rod | str) -> Rod:
+    def rod(self, rod: Rod | str) -> Rod:
+        """A rod of the model, by itself or by name."""
         return _find("rod", rod, {r.name: r for r in self.model.rods})
 
     def _part(self, part: Part | str) -> Part:

@@ -103,6 +103,10 @@ class Group:
         return lanes(self.conn)
 
     @cached_property
+    def packed_slopes(self) -> np.ndarray:
+        return lanes(self.N_s).reshape(len(self.packed_conn), len(self.N), -1)
+
+    @cached_property
     def tables(self) -> tuple[Any, ...]:
         """N_s, dx, C (diagonal), C_full (the rest, or None), reference as the kernels take them."""
         E, Q = self.dx.shape
@@ -112,7 +116,7 @@ class Group:
         rest[..., range(6), range(6)] = 0.0
         full = lanes(rest.reshape(E, Q, 36)).reshape(n_packs, Q, -1) if rest.any() else None
         return (
-            lanes(self.N_s).reshape(n_packs, Q, -1),
+            self.packed_slopes,
             lanes(self.dx),
             lanes(diagonal).reshape(n_packs, Q, -1),
             full,
@@ -370,9 +374,8 @@ class Space:
         if state.angles is not None:
             kardan.strain_and_frame(g.conn, g.N, g.N_s, state.r, state.angles, strain, frame)
         else:
-            N_s = lanes(g.N_s).reshape(len(g.packed_conn), Q, -1)
             flat = np.empty((E, Q, 9))
-            condense.strain_and_frame(g.packed_conn, E, g.N, N_s, state.r, state.q, strain, flat)
+            condense.strain_and_frame(g.packed_conn, E, g.N, g.packed_slopes, state.r, state.q, strain, flat)
             frame = flat.reshape(E, Q, 3, 3)
         return strain, frame
 

@@ -12,10 +12,12 @@ from __future__ import annotations
 
 import hashlib
 import pathlib
+import time
 from collections.abc import Callable
 from typing import Any
 
 from numba import njit
+from numba.core.event import Listener, register, unregister
 
 
 def _stamp() -> str:
@@ -48,3 +50,30 @@ def inner(function: Callable[..., Any]) -> Any:
 def _stamped(compiled: Any) -> Any:
     compiled._cache._cache_file._source_stamp = STAMP  # held by tests/kernels/test_cache.py
     return compiled
+
+
+class CompileClock(Listener):
+    """Seconds spent compiling since it was installed; calls `first` when compilation starts for the first time."""
+
+    def __init__(self, first: Callable[[], None] | None = None) -> None:
+        self.seconds, self._depth, self._start, self._first = 0.0, 0, 0.0, first
+
+    def __enter__(self) -> CompileClock:
+        register("numba:compile", self)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        unregister("numba:compile", self)
+
+    def on_start(self, event: Any) -> None:
+        if self._depth == 0:
+            self._start = time.perf_counter()
+            if self._first is not None:
+                self._first()
+                self._first = None
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            self.seconds += time.perf_counter() - self._start

@@ -1,4 +1,4 @@
-"""Loops over nodes: the largest residual, the largest increment.
+"""Loops over nodes: the largest residual, the largest increment, distances to a polyline.
 
 Rule: one pass, nothing allocated; a number that is not finite comes back as infinity, so that a comparison catches it.
 """
@@ -52,3 +52,18 @@ def largest_increment(du):
             shift = max(shift, abs(du[k, i]))
             turn = max(turn, abs(du[k, 3 + i]))
     return shift, turn, -1
+
+
+@kernel
+def distance_to_polyline(points, line, out):
+    """Distance out (n,) [m] of points (n, 3) to the polyline through line (m, 3)."""
+    for k in range(points.shape[0]):
+        best = np.inf
+        for j in range(line.shape[0] - 1):
+            a0, a1, a2 = points[k, 0] - line[j, 0], points[k, 1] - line[j, 1], points[k, 2] - line[j, 2]
+            c0, c1, c2 = line[j + 1, 0] - line[j, 0], line[j + 1, 1] - line[j, 1], line[j + 1, 2] - line[j, 2]
+            square = c0 * c0 + c1 * c1 + c2 * c2
+            part = min(max((a0 * c0 + a1 * c1 + a2 * c2) / square, 0.0), 1.0) if square > 0.0 else 0.0
+            a0, a1, a2 = a0 - part * c0, a1 - part * c1, a2 - part * c2
+            best = min(best, a0 * a0 + a1 * a1 + a2 * a2)
+        out[k] = np.sqrt(best)

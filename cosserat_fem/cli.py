@@ -1,0 +1,344 @@
+"""Which command did the user type? Arguments, progress, messages, exit codes.
+
+Rule: this room only talks; work is done below. Nothing heavy is imported until a command needs it, so that `--help`
+answers at once. Results and progress go to standard output, faults to standard error.
+
+Exit codes: 0 fine; 1 stopped early (partial results are written, the reason is in summary.json); 2 the scene, a file or
+an argument is wrong; 3 is kept for checks that are violated.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import pathlib
+import shutil
+import signal
+import sys
+import time
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from cyclopts import App, CycloptsError, Parameter
+
+app = App(
+    name="cosserat-fem",
+    help="Cables that follow mechanisms: geometrically exact rods by finite elements.",
+    version_flags=["--version"],
+    result_action="return_value",
+)
+
+OK, STOPPED, WRONG = 0, 1, 2
+Out = Annotated[pathlib.Path | None, Parameter(name=["--out", "-o"])]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Entry point; returns the exit code."""
+    _report_warnings()
+    try:
+        result = app(arguments, exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        say_wrong(f"{error}\nSee `cosserat-fem --help`.")
+        return WRONG
+    except KeyboardInterrupt:
+        say_wrong("interrupted")
+        return STOPPED
+    except BrokenPipeError:  # the reader of our output went away
+        return OK
+    return result if isinstance(result, int) else OK
+
+
+def say(text: str = "") -> None:
+    """To standard output."""
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
+
+
+def say_wrong(text: str) -> None:
+    """To standard error."""
+    sys.stderr.write(f"{text}\n")
+
+
+def _report_warnings() -> None:
+    """Let the package's log show: warnings on standard error, one line each."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("warning: %(message)s"))
+    log = logging.getLogger("cosserat_fem")
+    log.handlers[:] = [handler]
+    log.setLevel(logging.WARNING)
+    log.propagate = False
+
+
+def _load(scene: pathlib.Path | None) -> Any:
+    """A checked scene, or None after its faults were told."""
+    from .errors import SceneError
+    from .scene import load_scene
+
+    try:
+        return load_scene(scene)
+    except SceneError as error:
+        _tell_faults(error.faults)
+        return None
+
+
+def _tell_faults(faults: list[str]) -> None:
+    say_wrong("\n".join(faults))
+    if len(faults) > 1:
+        say_wrong(f"{len(faults)} faults.")
+
+
+@app.command
+def run(
+    scene: pathlib.Path | None = None,
+    *,
+    out: Out = None,
+    force: Annotated[bool, Parameter(negative="")] = False,
+    pictures: bool = True,
+    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
+) -> int:
+    """Run a scene and write its results; without a scene, the satellite hinge deployment that comes along.
+
+    Parameters
+    ----------
+    scene
+        Scene file (TOML). `cosserat-fem init` copies one to start from.
+    out
+        Folder for the results; default is the scene's own, or out/<name of the scene>.
+    force
+        Write into a folder that holds other files too; they are left alone.
+    pictures
+        Make plots and pictures when the results are safe.
+    quiet
+        Print nothing but faults.
+    """
+    from .errors import SceneError
+    from .run import Phases, draw, run_scene
+
+    tell = (lambda text="": None) if quiet else say
+    phases = Phases()
+    with phases.measure("load"):
+        loaded = _load(scene)
+    if loaded is None:
+        return WRONG
+    tell(loaded.title)
+    try:
+        with _Progress(len(loaded.times), quiet) as progress:
+            outcome = run_scene(loaded, out, force=force, progress=progress, announce=tell, phases=phases)
+    except SceneError as error:
+        _tell_faults(error.faults)
+        return WRONG
+    if outcome.history is not None:
+        _tell_results(outcome.history, tell)
+    tell(f"Results in {outcome.folder}")
+    if outcome.reason:
+        say_wrong(f"stopped: {outcome.reason}")
+    if outcome.history is not None and pictures and loaded.tables.output.pictures:
+        problem = draw(outcome.folder)
+        tell(f"Pictures in {outcome.folder / 'pictures'}" if not problem else f"No pictures: {problem}")
+    return STOPPED if outcome.reason else OK
+
+
+def _tell_results(history: Any, tell: Callable[[str], None]) -> None:
+    """Three lines that answer first questions."""
+    import numpy as np
+
+    from .export import hinged_parts
+
+    for support in history.model.supports:
+        load = history.reaction(support)
+        force, moment = np.linalg.norm(load[:, :3], axis=1), np.linalg.norm(load[:, 3:], axis=1)
+        i, j = int(np.argmax(force)), int(np.argmax(moment))
+        at = (lambda k: f" at t = {history.t[k]:g} s") if len(history) > 1 else (lambda k: "")
+        tell(f"  {support.name}: force up to {force[i]:.6g} N{at(i)}, moment up to {moment[j]:.6g} N m{at(j)}")
+    for part in hinged_parts(history):
+        torque, angle = history.hinge_torque(part), np.degrees(history.hinge_angle(part))
+        k = int(np.argmax(np.abs(torque)))
+        tell(f"  hinge of {part.name}: torque up to {torque[k]:.6g} N m at {angle[k]:.4g} deg")
+
+
+class _Progress:
+    """A bar on a terminal, a line every few seconds elsewhere; the first Ctrl-C asks for a stop after this station."""
+
+    def __init__(self, total: int, quiet: bool) -> None:
+        self.total, self.quiet, self._stop, self._last = total, quiet, False, time.monotonic()
+        self._bar: Any = None
+        self._before: Any = None
+
+    def __enter__(self) -> _Progress:
+        if not self.quiet and self.total > 1 and sys.stdout.isatty():
+            from rich.progress import Progress
+
+            self._bar = Progress(transient=True)
+            self._task = self._bar.add_task("solving", total=self.total)
+            self._bar.start()
+        try:
+            self._before = signal.signal(signal.SIGINT, self._interrupt)
+        except ValueError:  # not in the main thread
+            self._before = None
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+        if self._before is not None:
+            signal.signal(signal.SIGINT, self._before)
+
+    def _interrupt(self, *_: object) -> None:
+        if self._stop:
+            raise KeyboardInterrupt
+        self._stop = True
+
+    def __call__(self, done: int, total: int) -> bool:
+        if self._bar is not None:
+            self._bar.update(self._task, completed=done)
+        elif not self.quiet and time.monotonic() - self._last > 5:
+            self._last = time.monotonic()
+            say(f"  {done} of {total} stations")
+        return self._stop
+
+
+@app.command
+def check(scene: pathlib.Path) -> int:
+    """Check a scene without solving it: every fault with its line.
+
+    Parameters
+    ----------
+    scene
+        Scene file (TOML).
+    """
+    loaded = _load(scene)
+    if loaded is None:
+        return WRONG
+    loaded.model.check_spans(loaded.times)
+    model = loaded.model
+    say(
+        f"{scene}: fine. {len(model.rods)} rod(s), {6 * model.space.n_nodes} unknowns, {len(loaded.times)} station(s), "
+        f"terms: {', '.join([model.internal.name, *(term.name for term in model.terms)])}."
+    )
+    return OK
+
+
+@app.command
+def init(folder: pathlib.Path = pathlib.Path()) -> int:
+    """Copy the satellite hinge scene and its meshes out, to start from.
+
+    Parameters
+    ----------
+    folder
+        Where to; nothing that exists is overwritten.
+    """
+    from .scene import shipped_scene
+
+    source = shipped_scene()
+    files = [source, *sorted(source.parent.glob("*.stl"))]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        taken = [file.name for file in files if (folder / file.name).exists()]
+        if taken:
+            say_wrong(f"{folder}: {', '.join(taken)} exists already. Choose another folder.")
+            return WRONG
+        for file in files:
+            shutil.copy(file, folder / file.name)
+    except OSError as error:
+        say_wrong(f"{folder}: cannot be written: {error.strerror}.")
+        return WRONG
+    say(f"{folder / source.name}: run it with `cosserat-fem run {folder / source.name}`.")
+    return OK
+
+
+@app.command
+def export(folder: pathlib.Path, *, format: str = "pvd") -> int:
+    """Write a run's history for older ParaViews: a PVD collection of VTU files.
+
+    Parameters
+    ----------
+    folder
+        Folder of a run.
+    format
+        Only "pvd".
+    """
+    from .errors import CosseratError, nearest
+    from .export import export_pvd
+
+    if format != "pvd":
+        say_wrong(f"format {format!r} is unknown. {nearest(format, ['pvd'])}")
+        return WRONG
+    try:
+        say(str(export_pvd(folder)))
+    except CosseratError as error:
+        say_wrong(str(error))
+        return WRONG
+    except OSError as error:
+        say_wrong(f"{folder}: cannot be written: {error.strerror}.")
+        return WRONG
+    return OK
+
+
+@app.command
+def render(
+    folder: pathlib.Path,
+    *,
+    step: int | None = None,
+    field: str | None = None,
+    film: Annotated[bool, Parameter(negative="")] = False,
+    out: Out = None,
+) -> int:
+    """Draw a run: its plots and pictures again, one state, or a film.
+
+    Parameters
+    ----------
+    folder
+        Folder of a run.
+    step
+        Number of the state to draw (negative counts from the end).
+    field
+        Colour by a field of the history: force, moment, curvature, displacement, ...
+    film
+        All states as a film (MP4 with the extra `movie`, else WebP).
+    out
+        File to write; default is in the run's folder pictures.
+    """
+    from .run import draw
+
+    if not (folder / "history.vtkhdf").is_file():
+        say_wrong(f"{folder}: is not the folder of a run (no history.vtkhdf).")
+        return WRONG
+    arguments = []
+    for name, value in (("--step", step), ("--field", field), ("--out", out)):
+        if value is not None:
+            arguments.append(f"{name}={value}")
+    if film:
+        arguments.append("--film")
+    problem = draw(folder, *arguments)
+    if problem:
+        say_wrong(problem)
+        return WRONG if "unknown" in problem or "step" in problem else STOPPED
+    say(f"Pictures in {out or folder / 'pictures'}")
+    return OK
+
+
+@app.command
+def schema() -> int:
+    """Print the JSON schema of scene files, for editors."""
+    from .scene.tables import SceneTables
+
+    say(json.dumps(SceneTables.model_json_schema(), indent=2))
+    return OK
+
+
+@app.command
+def info() -> int:
+    """Print versions and where compiled kernels are kept."""
+    import platform
+    from importlib import metadata
+
+    from .run import PACKAGES, PROGRAM
+
+    say(f"{PROGRAM} {metadata.version(PROGRAM)}")
+    say(f"python {platform.python_version()} on {platform.platform()}")
+    for package in PACKAGES:
+        say(f"{package} {metadata.version(package)}")
+    from .kernels.condense import assemble
+
+    say(f"compiled kernels in {assemble._cache.cache_path}")
+    return OK

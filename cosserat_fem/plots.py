@@ -1,0 +1,93 @@
+"""How do the curves look? Forces, moments and hinge torque from the CSV files of a run folder.
+
+Rule: reads the run folder only, so that every plot can be made again later.
+"""
+
+from __future__ import annotations
+
+import csv
+import pathlib
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from .export import replace_file
+
+COLOURS = ("#0b6e99", "#d1495b", "#edae49", "#00798c", "#7a5195", "#555555")
+
+
+def read_table(path: pathlib.Path, key: str) -> dict[str, dict[str, np.ndarray]]:
+    """Columns of a CSV, split by the names in one of its columns."""
+    with open(path, newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    names = dict.fromkeys(row[key] for row in rows)
+    columns = [c for c in (rows[0] if rows else {}) if c != key]
+    return {n: {c: np.array([float(r[c]) for r in rows if r[key] == n]) for c in columns} for n in names}
+
+
+def plot_run(folder: pathlib.Path, out: pathlib.Path) -> list[pathlib.Path]:
+    """Write reactions.svg/png and, if a part has a hinge, hinge_torque.svg/png; return their paths."""
+    reactions = read_table(folder / "reactions.csv", "support")
+    torque = read_table(folder / "hinge_torque.csv", "part")
+    made = []
+    if reactions:
+        made += _save(_reactions(reactions, torque), out / "reactions")
+    if torque:
+        made += _save(_torque(torque), out / "hinge_torque")
+    return made
+
+
+def _save(figure: Figure, stem: pathlib.Path) -> list[pathlib.Path]:
+    paths = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
+    for path in paths:
+        replace_file(path, lambda temporary: figure.savefig(temporary, dpi=150))
+    return paths
+
+
+def _abscissa(
+    reactions: dict[str, dict[str, np.ndarray]], torque: dict[str, dict[str, np.ndarray]]
+) -> tuple[np.ndarray, str]:
+    """The one hinge's angle if there is one hinge that turns, else time."""
+    time = next(iter(reactions.values()))["time"]
+    if len(torque) == 1:
+        name, table = next(iter(torque.items()))
+        if np.ptp(table["angle_deg"]) > 0:
+            return table["angle_deg"], f"angle of {name} [deg]"
+    return time, "time [s]"
+
+
+def _reactions(reactions: dict[str, dict[str, np.ndarray]], torque: dict[str, dict[str, np.ndarray]]) -> Figure:
+    x, label = _abscissa(reactions, torque)
+    figure = Figure(figsize=(9.6, 3.1 * len(reactions)), layout="constrained")
+    axes = figure.subplots(len(reactions), 2, squeeze=False, sharex=True)
+    for row, (name, table) in zip(axes, reactions.items(), strict=True):
+        for ax, symbol, unit in ((row[0], "F", "N"), (row[1], "M", "N m")):
+            parts = [table[f"{symbol}{c}"] for c in "xyz"]
+            for part, c, colour in zip(parts, "xyz", COLOURS, strict=False):
+                ax.plot(x, part, color=colour, label=f"{symbol}{c}", **_marker(x))
+            ax.plot(x, np.linalg.norm(parts, axis=0), color="black", lw=1, ls="--", label=f"|{symbol}|", **_marker(x))
+            ax.set_ylabel(f"{'force' if symbol == 'F' else 'moment'} on the rod [{unit}]")
+            ax.set_title(name, fontsize=10, loc="left")
+            ax.grid(alpha=0.3)
+            ax.legend(fontsize=8)
+    for ax in axes[-1]:
+        ax.set_xlabel(label)
+    return figure
+
+
+def _torque(torque: dict[str, dict[str, np.ndarray]]) -> Figure:
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    ax = figure.subplots()
+    for (name, table), colour in zip(torque.items(), COLOURS * len(torque), strict=False):
+        ax.plot(table["angle_deg"], table["torque"], color=colour, label=name, **_marker(table["angle_deg"]))
+    ax.axhline(0, color="black", lw=0.6)
+    ax.set_xlabel("hinge angle [deg]")
+    ax.set_ylabel("torque the drive must supply [N m]")
+    ax.grid(alpha=0.3)
+    ax.legend()
+    return figure
+
+
+def _marker(x: np.ndarray) -> dict[str, object]:
+    """A single station shows as a dot, not as an invisible line."""
+    return {"marker": "o"} if len(x) == 1 else {}

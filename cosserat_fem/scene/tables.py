@@ -1,0 +1,309 @@
+"""What may a scene file say? One pydantic model for each table; also the source of the JSON schema.
+
+Rule: keys are the keyword names of the Python classes. Here is only shape: types, units, unknown keys. Whether a value
+makes sense is said by the class it goes to, and names are looked up in `build.py`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, WithJsonSchema
+
+from .units import KINDS, parse
+
+
+def quantity(kind: str) -> Any:
+    """A number in SI or a string with a unit of this kind."""
+    schema = {"type": ["number", "string"], "description": f'{kind}; a number is SI, or a string like "{KINDS[kind][1]}"'}
+    return Annotated[float, BeforeValidator(lambda value: parse(value, kind)), WithJsonSchema(schema)]
+
+
+def vector(kind: str) -> Any:
+    """Three quantities."""
+    q = quantity(kind)
+    return tuple[q, q, q]
+
+
+def _numbers(value: Any, kind: str, n: int) -> list[Any]:
+    """A list of quantities, or of lists of n quantities."""
+    if not isinstance(value, list):
+        raise ValueError("must be a list")
+    if n == 1:
+        return [parse(x, kind) for x in value]
+    for row in value:
+        if not isinstance(row, list) or len(row) != n:
+            raise ValueError(f"must be a list of lists of {n} values")
+    return [[parse(x, kind) for x in row] for row in value]
+
+
+def over_time(kind: str, n: int, rate: str | None = None) -> Any:
+    """A constant of n components (or, with `rate`, a rate), or [[times], [values]]."""
+
+    def read(value: Any) -> Any:
+        if isinstance(value, list) and len(value) == 2 and isinstance(value[0], list):
+            times, values = _numbers(value[0], "time", 1), _numbers(value[1], kind, n)
+            if len(times) != len(values):
+                raise ValueError(f"has {len(times)} times but {len(values)} values")
+            return times, values
+        if n == 1:
+            return parse(value, rate or kind)
+        if not isinstance(value, list) or len(value) != n:
+            raise ValueError(f"must be a list of {n} values, or [[times], [values]]")
+        return [parse(x, kind) for x in value]
+
+    constant = f'"{KINDS[rate or kind][1]}"' if n == 1 else f"{n} values"
+    schema = {"description": f"{rate or kind}: {constant} or [[times], [values]]"}
+    return Annotated[Any, BeforeValidator(read), WithJsonSchema(schema)]
+
+
+def custom(read: Callable[[Any], Any], description: str) -> Any:
+    """A value with its own reader."""
+    return Annotated[Any, BeforeValidator(read), WithJsonSchema({"description": description})]
+
+
+def _section(value: Any) -> Any:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, list) and value and all(isinstance(e, list) and len(e) == 2 for e in value):
+        if not all(isinstance(e[1], str) for e in value):
+            raise ValueError("must name a section in each entry [s, name]")
+        return [(parse(e[0], "length"), e[1]) for e in value]
+    raise ValueError("must be the name of a section, or a list of [s, name]")
+
+
+def _rest(value: Any) -> Any:
+    if value in ("straight", "as_drawn"):
+        return value
+    if isinstance(value, str):
+        raise ValueError("must be 'straight', 'as_drawn' or numbers (bend 1, bend 2, twist)")
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        return _numbers(value, "curvature", 3)
+    if isinstance(value, list) and len(value) == 3:
+        return [parse(x, "curvature") for x in value]
+    raise ValueError("must be 'straight', 'as_drawn', three numbers or a list of three numbers each")
+
+
+def _place(value: Any) -> Any:
+    if value in ("start", "end"):
+        return value
+    if isinstance(value, str) and not any(c.isdigit() for c in value):
+        raise ValueError("must be 'start', 'end' or an arc length like \"20 mm\"")
+    return parse(value, "length")
+
+
+def _unit(value: Any) -> float:
+    return parse(f"1 {value}", "length") if isinstance(value, str) and value.isalpha() else parse(value, "length")
+
+
+def _profile(value: Any) -> Any:
+    if not isinstance(value, list) or len(value) != 2:
+        raise ValueError("must be [[places], [factors]]")
+    places, factors = _numbers(value[0], "length", 1), _numbers(value[1], "number", 1)
+    if len(places) != len(factors):
+        raise ValueError(f"has {len(places)} places but {len(factors)} factors")
+    return places, factors
+
+
+Place = custom(_place, "'start', 'end' or an arc length")
+Unit = custom(_unit, "length of one unit: 'mm', 'm', '25 mm'")
+Name = Annotated[str, Field(min_length=1)]
+Direction = vector("number")
+Integer = Annotated[int, Strict()]
+Flag = Annotated[bool, Strict()]
+
+
+class Table(BaseModel):
+    """A table of the scene file; unknown keys are errors."""
+
+    model_config = ConfigDict(extra="forbid", strict=False, frozen=True)
+
+
+class RoundSection(Table):
+    """A solid round section of one material."""
+
+    kind: Literal["round"]
+    name: Name
+    diameter: quantity("length")
+    youngs_modulus: quantity("pressure")
+    shear_modulus: quantity("pressure") | None = None
+    poisson_ratio: quantity("number") | None = None
+    density: quantity("density") = 0.0
+    shear_factor: quantity("number") = 0.9
+
+
+class RectangleSection(Table):
+    """A solid rectangle, width along d1, height along d2."""
+
+    kind: Literal["rectangle"]
+    name: Name
+    width: quantity("length")
+    height: quantity("length")
+    youngs_modulus: quantity("pressure")
+    shear_modulus: quantity("pressure") | None = None
+    poisson_ratio: quantity("number") | None = None
+    density: quantity("density") = 0.0
+    shear_factor: quantity("number") = 5 / 6
+
+
+class GeneralSection(Table):
+    """Six stiffnesses, or a coupled 6x6 matrix in SI."""
+
+    kind: Literal["general"]
+    name: Name
+    force_stiffness: vector("force") | None = None
+    moment_stiffness: vector("bending stiffness") | None = None
+    coupled: list[list[quantity("number")]] | None = None
+    mass_per_length: quantity("mass per length") = 0.0
+    rotary_inertia: vector("inertia per length") = (0.0, 0.0, 0.0)
+    radius: quantity("length") | None = None
+    outline: tuple[quantity("length"), quantity("length")] | None = None
+
+
+class RodTable(Table):
+    """A cable: a drawn curve (points or file) with a section."""
+
+    name: Name
+    section: custom(_section, "name of a section, or a list of [s, name]")
+    points: list[tuple[quantity("length"), quantity("length"), quantity("length")]] | None = None
+    file: str | None = None
+    unit: Unit = 1.0
+    n_elements: Integer = 20
+    order: Integer = 3
+    length: quantity("length") | None = None
+    rest: custom(_rest, "'straight', 'as_drawn' or curvatures (bend 1, bend 2, twist)") = "straight"
+    start_tangent: Direction | None = None
+    end_tangent: Direction | None = None
+    normal: Direction | None = None
+    end_normal: Direction | None = None
+    layer: quantity("length") | None = None
+
+
+class HingeTable(Table):
+    """Turning about a fixed axis."""
+
+    kind: Literal["hinge"]
+    point: vector("length") = (0.0, 0.0, 0.0)
+    axis: Direction
+    angle: over_time("angle", 1, rate="angular rate")
+
+
+class SliderTable(Table):
+    """Sliding along a direction."""
+
+    kind: Literal["slider"]
+    axis: Direction
+    travel: over_time("length", 1, rate="speed")
+
+
+class PathTable(Table):
+    """A rigid motion from a CSV file: time, x, y, z, qw, qx, qy, qz."""
+
+    kind: Literal["path"]
+    file: str
+
+
+class PartTable(Table):
+    """A rigid body."""
+
+    name: Name
+    mesh: str | None = None
+    mesh_unit: Unit = 1.0
+    motion: Annotated[HingeTable | SliderTable | PathTable, Field(discriminator="kind")] | None = None
+
+
+class ClampTable(Table):
+    """Place and attitude of a section held."""
+
+    kind: Literal["clamp"]
+    rod: Name
+    at: Place
+    to: str = "ground"
+    free: list[str] = []
+    frame: list[list[quantity("number")]] | None = None
+    name: str | None = None
+
+
+class PinTable(Table):
+    """Place of a section held."""
+
+    kind: Literal["pin"]
+    rod: Name
+    at: Place
+    to: str = "ground"
+    free: list[str] = []
+    frame: list[list[quantity("number")]] | None = None
+    name: str | None = None
+
+
+class WeldTable(Table):
+    """Two rods joined rigidly."""
+
+    kind: Literal["weld"]
+    rod: Name
+    at: Place
+    other: Name
+    other_at: Place
+
+
+class GravityTable(Table):
+    """Weight of all rods."""
+
+    acceleration: vector("acceleration")
+
+
+class PointLoadTable(Table):
+    """Force and moment at one place."""
+
+    kind: Literal["point"]
+    rod: Name
+    at: Place
+    force: over_time("force", 3) = [0.0, 0.0, 0.0]
+    moment: over_time("moment", 3) = [0.0, 0.0, 0.0]
+    follower: Flag = False
+
+
+class LineLoadTable(Table):
+    """Force and moment per metre along a rod."""
+
+    kind: Literal["line"]
+    rod: Name
+    force: over_time("force per length", 3) = [0.0, 0.0, 0.0]
+    moment: over_time("force", 3) = [0.0, 0.0, 0.0]
+    components: Literal["all", "normal"] = "all"
+    follower: Flag = False
+    profile: custom(_profile, "[[places], [factors]]") | None = None
+
+
+class SolveTable(Table):
+    """What to solve."""
+
+    kind: Literal["static", "quasistatic"]
+    t: quantity("time") = 0.0
+    steps: Integer | None = None
+    duration: quantity("time") | None = None
+    times: list[quantity("time")] | None = None
+    rotation: Literal["quaternion", "kardan"] = "quaternion"
+
+
+class OutputTable(Table):
+    """Where results go and how many."""
+
+    folder: str | None = None
+    every: quantity("time") | None = None
+    pictures: Flag = True
+
+
+class SceneTables(Table):
+    """A whole scene file."""
+
+    title: str = ""
+    section: list[Annotated[RoundSection | RectangleSection | GeneralSection, Field(discriminator="kind")]]
+    rod: list[RodTable]
+    part: list[PartTable] = []
+    support: list[Annotated[ClampTable | PinTable | WeldTable, Field(discriminator="kind")]] = []
+    gravity: GravityTable | None = None
+    load: list[Annotated[PointLoadTable | LineLoadTable, Field(discriminator="kind")]] = []
+    solve: SolveTable
+    output: OutputTable = OutputTable()
