@@ -30,6 +30,8 @@ _HOMES = {
     "solve_quasistatic": "statics",
     "bend_radius": "checks",
     "distance_from_drawing": "checks",
+    "to_pyvista": "export",
+    "to_meshio": "export",
     "CurveGeometry": "curve",
     "curve_geometry": "curve",
     "rebuild_curve": "curve",
@@ -49,6 +51,7 @@ if TYPE_CHECKING:
     from .checks import bend_radius, distance_from_drawing
     from .curve import CurveGeometry, curve_geometry, rebuild_curve
     from .errors import ConvergenceError, CosseratError, KardanError, MeshError, SceneError
+    from .export import to_meshio, to_pyvista
     from .history import History
     from .mechanism import GROUND, Hinge, Part, Path, Slider
     from .model import Model

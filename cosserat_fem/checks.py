@@ -35,7 +35,9 @@ def bend_radius(history: History, rod: Rod | str, *, at: str = "stations") -> np
         raise ValueError(f"bend_radius: at must be 'stations' or 'nodes' (got {at!r}).")
     stretch = np.linalg.norm(strain[..., :3], axis=-1)
     bending = np.hypot(strain[..., 3], strain[..., 4])
-    return np.divide(stretch, bending, out=np.full_like(stretch, np.inf), where=bending > 1e-12 * bending.max(initial=1e-300))
+    return np.divide(
+        stretch, bending, out=np.full_like(stretch, np.inf), where=bending > 1e-12 * bending.max(initial=1e-300)
+    )
 
 
 def distance_from_drawing(history: History, rod: Rod | str) -> np.ndarray:

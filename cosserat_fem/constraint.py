@@ -31,7 +31,6 @@ from .kernels.rotation import (
 from .space import Space, State
 from .support import COMPONENTS, Support, Weld
 
-
 NO_BLOCKS, NO_ROWS = np.empty((0, 6, 6)), np.empty(0, dtype=np.int64)
 
 

@@ -7,8 +7,10 @@ the torsion is 0, and nothing is NaN.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -46,12 +48,13 @@ class SmoothCurve:
     ) -> None:
         points = check_shape(f"{name}: points", points, (-1, 3))
         if len(points) < 2:
-            raise ValueError(f"{name}: needs at least two points (got {len(points)}).")
+            raise ValueError(f"{name}: points: must be at least two (got {len(points)}).")
         chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
         size = np.ptp(points, axis=0).max()
         same = np.flatnonzero(chords <= 1e-12 * max(size, 1e-300))
         if len(same):
-            raise ValueError(f"{name}: points {same[0]} and {same[0] + 1} coincide at {tuple(points[same[0]])}.")
+            where = ", ".join(f"{x:g}" for x in points[same[0]])
+            raise ValueError(f"{name}: points: {same[0]} and {same[0] + 1} coincide at ({where}).")
         self.points = points
         ends = [
             None if v is None else unit(f"{name}: {which}_tangent", v)
@@ -63,14 +66,14 @@ class SmoothCurve:
             return
         u = np.concatenate([[0.0], np.cumsum(chords)])
         if ends[0] is None and ends[1] is None:
-            bc: object = "not-a-knot"
+            bc: Any = "not-a-knot"
         else:
             bc = tuple((1, e) if e is not None else (2, np.zeros(3)) for e in ends)
         spline = CubicSpline(u, points, bc_type=bc)
         self._velocity = spline.derivative()
         self._spline = spline
         # arc length at a fine grid of the parameter, eight Gauss points in each of 16 parts of every span
-        self._u = np.unique(np.concatenate([np.linspace(a, b, 17) for a, b in zip(u[:-1], u[1:], strict=True)]))
+        self._u = np.unique(np.concatenate([np.linspace(a, b, 17) for a, b in pairwise(u)]))
         parts = self._arc(self._u[:-1], self._u[1:])
         self._s = np.concatenate([[0.0], np.cumsum(parts)])
         self.length = float(self._s[-1])
@@ -226,7 +229,7 @@ def rebuild_curve(
     curvature: Callable[[float], float],
     torsion: Callable[[float], float],
     *,
-    start: np.ndarray = (0.0, 0.0, 0.0),
+    start: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
     frame: np.ndarray | None = None,
 ) -> np.ndarray:
     """Points (n, 3) of the curve with given curvature and torsion, by integrating the Frenet equations.

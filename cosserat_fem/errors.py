@@ -107,6 +107,13 @@ def check_name(kind: str, value: Any) -> str:
     return value
 
 
+def one_line(error: BaseException, length: int = 160) -> str:
+    """A library's message on one line, without its last full stop."""
+    text = " ".join(str(error).split()).rstrip(".")
+    return text if len(text) <= length else text[: length - 3] + "..."
+
+
 def _short(value: Any) -> str:
+    value = value.item() if isinstance(value, np.generic) else value
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 else text[:57] + "..."

@@ -19,8 +19,9 @@ import pathlib
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -134,7 +135,11 @@ def write_history(history: History, path: str | os.PathLike[str]) -> None:
 
 def write_parts(history: History, path: str | os.PathLike[str]) -> None:
     """Write the meshes of all parts, moving with their parts, as one transient VTKHDF file; nothing if no part has one."""
-    points, triangles, index, names, n = [], [], [], [], 0
+    points: list[np.ndarray] = []
+    triangles: list[np.ndarray] = []
+    index: list[np.ndarray] = []
+    names: list[str] = []
+    n = 0
     for part in history.model.parts:
         if part.mesh is None:
             continue
@@ -227,7 +232,7 @@ def read_history(path: str | os.PathLike[str]) -> Stored:
             cells = np.asarray(root[kind]["Connectivity"]).reshape(-1, size)
 
             def data(group: str, n: int) -> dict[str, np.ndarray]:
-                values = root[group] if group in root else {}
+                values = root.get(group, {})
                 return {k: np.asarray(v).reshape(T, n, *v.shape[1:]) for k, v in values.items()}
 
             stored = Fields(
@@ -239,7 +244,7 @@ def read_history(path: str | os.PathLike[str]) -> Stored:
         raise CosseratError(f"{os.fspath(path)}: is not a history file of this program: {error}.") from None
 
 
-def polydata(history: History, step: int = -1) -> pyvista.PolyData:
+def to_pyvista(history: History, step: int = -1) -> pyvista.PolyData:
     """One state as pyvista PolyData with the fields of the history file."""
     import pyvista
 
@@ -254,7 +259,7 @@ def polydata(history: History, step: int = -1) -> pyvista.PolyData:
     return mesh
 
 
-def meshio_mesh(history: History, step: int = -1) -> meshio.Mesh:
+def to_meshio(history: History, step: int = -1) -> meshio.Mesh:
     """One state as a meshio mesh with the fields of the history file."""
     return _meshio(fields(history), range(len(history))[step])
 
@@ -283,18 +288,18 @@ def export_pvd(run: str | os.PathLike[str]) -> pathlib.Path:
         sources.append(("parts", run / "parts.vtkhdf"))
     stored = [(name, read_history(path)) for name, path in sources]
     folder.mkdir(exist_ok=True)
-    root = ElementTree.Element("VTKFile", type="Collection", version="0.1", byte_order="LittleEndian")
-    collection = ElementTree.SubElement(root, "Collection")
+    root = ET.Element("VTKFile", type="Collection", version="0.1", byte_order="LittleEndian")
+    collection = ET.SubElement(root, "Collection")
     for part, (name, data) in enumerate(stored):
         for step, t in enumerate(data.t):
             file = folder / f"{name}_{step:05d}.vtu"
             mesh = _meshio(data.fields, step)
-            replace_file(file, lambda temporary, mesh=mesh: mesh.write(temporary, file_format="vtu"))
+            replace_file(file, partial(mesh.write, file_format="vtu"))
             attributes = {"timestep": repr(float(t)), "group": "", "part": str(part), "file": f"pvd/{file.name}"}
-            ElementTree.SubElement(collection, "DataSet", attributes)
-    ElementTree.indent(root)
+            ET.SubElement(collection, "DataSet", attributes)
+    ET.indent(root)
     path = run / "history.pvd"
-    text = ElementTree.tostring(root, encoding="unicode", xml_declaration=True)
+    text = ET.tostring(root, encoding="unicode", xml_declaration=True)
     replace_file(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
     return path
 
@@ -306,7 +311,9 @@ def write_csv(path: str | os.PathLike[str], header: Sequence[str], rows: Sequenc
         with open(temporary, "w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(header)
-            writer.writerows([[repr(float(x)) if isinstance(x, float | np.floating) else x for x in row] for row in rows])
+            writer.writerows(
+                [[repr(float(x)) if isinstance(x, float | np.floating) else x for x in row] for row in rows]
+            )
 
     replace_file(pathlib.Path(path), write)
 

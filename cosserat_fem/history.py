@@ -7,7 +7,7 @@ and moments of supports are those ON the rod, in space, the moment about the sup
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,10 +20,6 @@ from .newton import Counters
 from .rod import Rod
 from .space import State
 from .support import Support
-
-if TYPE_CHECKING:
-    import meshio
-    import pyvista
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,18 +210,6 @@ class History:
             s.ravel(), position, d1, d2, d3, directors=frames.reshape(-1, 3, 3), bending_twist=kappa.reshape(-1, 3)
         )
 
-    def to_pyvista(self, step: int = -1) -> pyvista.PolyData:
-        """Line cells with node and cell fields of one state, as in the history file."""
-        from .export import polydata
-
-        return polydata(self, step)
-
-    def to_meshio(self, step: int = -1) -> meshio.Mesh:
-        """As `to_pyvista`, for meshio."""
-        from .export import meshio_mesh
-
-        return meshio_mesh(self, step)
-
     def _along(self, rod: Rod | str) -> tuple[np.ndarray, np.ndarray]:
         """Strains minus reference (T, Q, 6) and frames (T, Q, 3, 3)."""
         rod = self.rod(rod)
@@ -258,7 +242,9 @@ def _find(kind: str, wanted: Any, known: dict[str, Any]) -> Any:
             raise ValueError(f"history: no {kind} named {wanted!r}. {nearest(wanted, known)}")
         return known[wanted]
     if wanted not in known.values():
-        raise ValueError(f"history: this {kind} is not part of the model. {nearest(getattr(wanted, 'name', ''), known)}")
+        raise ValueError(
+            f"history: this {kind} is not part of the model. {nearest(getattr(wanted, 'name', ''), known)}"
+        )
     return wanted
 
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 import os
 import pathlib
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import ceil, pi
 from typing import Any, Protocol
 
 import numpy as np
 
 from .curve import unit
-from .errors import MeshError, check_name, check_positive, check_shape
+from .errors import MeshError, check_name, check_positive, check_shape, one_line
 from .kernels.rotation import (
     conjugate,
     matrix_from_quaternion,
@@ -113,10 +114,13 @@ class Path:
     """
 
     motion: Any
+    _times: np.ndarray | None = field(init=False, repr=False, default=None)
+    _positions: Any = field(init=False, repr=False, default=None)
+    _quaternions: Any = field(init=False, repr=False, default=None)
+    _start: Any = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
         if callable(self.motion):
-            object.__setattr__(self, "_times", None)
             object.__setattr__(self, "_start", self._frame(0.0))
             return
         if not isinstance(self.motion, tuple | list) or len(self.motion) != 3:
@@ -144,7 +148,7 @@ class Path:
         except OSError as error:
             raise MeshError(f"path: cannot read {os.fspath(path)!r}: {error.strerror}.") from None
         except ValueError as error:
-            raise MeshError(f"path: {os.fspath(path)!r} is not a table of numbers: {error}.") from None
+            raise MeshError(f"path: {os.fspath(path)!r} is not a table of numbers: {one_line(error)}.") from None
         if table.shape[1] != 8:
             raise MeshError(
                 f"path: {os.fspath(path)!r} must have 8 columns time, x, y, z, qw, qx, qy, qz (got {table.shape[1]})."
@@ -178,7 +182,7 @@ class Path:
         stops = [t0, *inside, t1]
         turns = sum(
             float(np.linalg.norm(relative_rotation(self._frame(a)[1][None], self._frame(b)[1][None])))
-            for a, b in zip(stops[:-1], stops[1:], strict=True)
+            for a, b in pairwise(stops)
         )
         return max(1, ceil(turns / (pi / 2) - 1e-9))
 
@@ -248,7 +252,9 @@ def read_surface(path: str | os.PathLike[str], where: str) -> tuple[np.ndarray, 
     try:
         surface = pyvista.read(file).extract_surface(algorithm="dataset_surface").triangulate().clean()
     except Exception as error:  # pyvista and VTK raise many types for files that are not meshes
-        raise MeshError(f"{where}: mesh file {os.fspath(path)!r} cannot be read as a surface: {error}.") from None
+        raise MeshError(
+            f"{where}: mesh file {os.fspath(path)!r} cannot be read as a surface: {one_line(error)}."
+        ) from None
     if surface.n_cells == 0 or surface.n_points < 4:
         raise MeshError(
             f"{where}: mesh file {os.fspath(path)!r} holds no surface ({surface.n_cells} triangles). "

@@ -11,6 +11,7 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -83,7 +84,9 @@ class Model:
         self.rotation = rotation
         self._check_members()
         if rotation == "kardan" and self.welds:
-            raise SceneError("model: welds need rotation = 'quaternion'; Kardan angles cannot join two rods at an angle.")
+            raise SceneError(
+                "model: welds need rotation = 'quaternion'; Kardan angles cannot join two rods at an angle."
+            )
         self.space = Space(self.rods, self._marks(), rotation)
         self.internal: InternalForce = QuaternionBeam() if rotation == "quaternion" else KardanBeam()
         self.constraints = Constraints(self.space, self.supports, self.welds)
@@ -99,7 +102,9 @@ class Model:
             ("support", [str(h.name) for h in self.supports]),
             ("part", [part.name for part in self.parts]),
         ):
-            faults += [f"{kind} {n!r}: the name is used twice." for n in sorted({n for n in names if names.count(n) > 1})]
+            faults += [
+                f"{kind} {n!r}: the name is used twice." for n in sorted({n for n in names if names.count(n) > 1})
+            ]
         known = [rod.name for rod in self.rods]
         members = [("support", h.name, h.rod) for h in self.supports]
         members += [("weld", "", rod) for w in self.welds for rod in (w.rod, w.other)]
@@ -146,10 +151,7 @@ class Model:
         g, nodal = np.zeros((self.space.n_nodes, 6)), NO_BLOCKS
         for term in self.terms:
             blocks = term(state, self.space, tangent=tangent)
-            if len(blocks.nodes) == self.space.n_nodes:
-                g += blocks.force[:, 0]
-            else:
-                np.add.at(g, blocks.nodes[:, 0], blocks.force[:, 0])
+            np.add.at(g, blocks.nodes[:, 0], blocks.force[:, 0])
             if tangent and blocks.stiffness is not None:
                 if not len(nodal):
                     nodal = np.zeros((self.space.n_nodes, 6, 6))
@@ -224,7 +226,7 @@ class Model:
             center = np.mean([rod.drawn(np.array([0.0, rod.length])).mean(0) for rod in rods], axis=0)
             size = max(rod.drawn_length for rod in rods)
             conditions = [np.zeros((0, 6))]
-            targets = self.constraints.targets(0.0) if rows else None
+            targets = self.constraints.targets(0.0)
             state = self.initial_state()
             for row in rows:
                 node = self.constraints.support_node[row]
@@ -259,7 +261,7 @@ class Model:
             sets.append((rods, rows))
         return sets
 
-    def check_spans(self, times: Sequence[float]) -> None:
+    def check_spans(self, times: Sequence[float] | np.ndarray) -> None:
         """Warn where two supports of a rod come further apart than the cable between them is long."""
         pairs = []
         for rod in self.rods:
@@ -268,7 +270,7 @@ class Model:
                 for row, h in enumerate(self.supports)
                 if h.rod is rod and h.held[:3].all()
             )
-            pairs += [(rod, b[0] - a[0], a[1], b[1]) for a, b in zip(held[:-1], held[1:], strict=True)]
+            pairs += [(rod, b[0] - a[0], a[1], b[1]) for a, b in pairwise(held)]
         if not pairs:
             return
         places = [self.constraints.targets(float(t)).place for t in times]

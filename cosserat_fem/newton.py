@@ -12,7 +12,7 @@ not be used where the wanted state is unstable. The residual is untouched by mu,
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -92,10 +92,13 @@ class Newton:
         mu = SMALLEST_SHIFT if guarded else 0.0
         moments = np.zeros((constraints.n_supports, 3)) if constraints.tilted else None
         negative, residual, where, k, cheap = -1, np.inf, 0, 0, False
+        small = near = False  # the last increment; the one before the last factorisation
         total = Sum(np.zeros((model.space.n_nodes, 6)), 0.0, 0.0)
 
         def stop(reason: str = "") -> Solved:
             reactions = constraints.reactions(state, total.g)
+            if not reason and not near and model.symmetric:
+                return Solved(*self._count_again(state, targets, total, reactions, RESIDUAL * residual, where, k))
             return Solved(state, total, reactions, RESIDUAL * residual, where, negative, k, reason)
 
         while True:
@@ -122,6 +125,7 @@ class Newton:
                 continue
             if k == iterations:
                 return stop(f"no convergence within {iterations} iterations")
+            near = small
             solution = self.linear.solve(state, total.g, held, total.negative, model.symmetric)
             self.counters.iterations += 1
             self.counters.linear[solution.method] = self.counters.linear.get(solution.method, 0) + 1
@@ -153,6 +157,19 @@ class Newton:
             cheap = scale == 1.0 and small and mu <= SMALLEST_SHIFT
             if guarded and scale == 1.0:
                 mu = mu / 4.0 if mu >= 4e-3 else SMALLEST_SHIFT
+
+    def _count_again(
+        self, state: State, targets: Targets, total: Sum, reactions: np.ndarray, residual: float, where: int, k: int
+    ) -> tuple:
+        """Fields of a converged Solved with the negative eigenvalues of the tangent at the state itself.
+
+        Needed when few iterations were made: the last factorisation then had stresses of a state further away.
+        """
+        state = replace(state, stress=self.model.internal.with_stress(state, self.model.space))
+        again = self.model.condensed(state, self.linear.scratch, 0.0, None)
+        held = self.model.constraints.evaluate(state, targets, reactions[:, 3:])
+        solution = self.linear.solve(state, again.g, held, again.negative, True)
+        return state, total, reactions, residual, where, solution.negative if solution.singular < 0 else -1, k
 
     def _measure(self, state: State, total: Sum, held: Held) -> tuple[float, int]:
         """Residual on the free unknowns in units of the tolerance (1 = converged), and the node of the largest."""

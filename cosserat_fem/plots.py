@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import pathlib
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -88,6 +89,6 @@ def _torque(torque: dict[str, dict[str, np.ndarray]]) -> Figure:
     return figure
 
 
-def _marker(x: np.ndarray) -> dict[str, object]:
+def _marker(x: np.ndarray) -> dict[str, Any]:
     """A single station shows as a dot, not as an invisible line."""
     return {"marker": "o"} if len(x) == 1 else {}

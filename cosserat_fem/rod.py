@@ -12,12 +12,13 @@ import os
 import pathlib
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from .curve import SmoothCurve, unit
-from .errors import MeshError, check_integer, check_name, check_positive, check_shape
+from .errors import MeshError, check_integer, check_name, check_positive, check_shape, one_line
 from .section import Section
 
 SAME = 1e-9  # places closer than this part of the length are one place
@@ -65,7 +66,7 @@ class Rod:
     _: KW_ONLY
     n_elements: int = 20
     order: int = 3
-    length: float | None = None
+    length: float = None  # type: ignore[assignment]  # a number once constructed
     rest: Any = "straight"
     start_tangent: Any = None
     end_tangent: Any = None
@@ -136,12 +137,14 @@ class Rod:
             return 0.0
         if at == "end":
             return float(self.length)
-        if isinstance(at, str) or isinstance(at, bool):
+        if isinstance(at, str | bool):
             raise ValueError(f"{where}: at must be 'start', 'end' or an arc length in m (got {at!r}).")
         s = float(check_shape(f"{where}: at", at, ()))
         slack = 1e-9 * self.length
         if not -slack <= s <= self.length + slack:
-            raise ValueError(f"{where}: at = {s:g} m is not on rod {self.name!r}, which runs from 0 to {self.length:g} m.")
+            raise ValueError(
+                f"{where}: at = {s:g} m is not on rod {self.name!r}, which runs from 0 to {self.length:g} m."
+            )
         return float(np.clip(s, 0.0, self.length))
 
     def drawn(self, s: np.ndarray) -> np.ndarray:
@@ -170,6 +173,10 @@ class Rod:
             part = np.where(width > 0, (np.asarray(s) - at[k]) / np.where(width > 0, width, 1.0), 0.0)[:, None]
             rows = (1 - part) * values[k] + part * values[k + 1]
         return rows[:, :36].reshape(-1, 6, 6), rows[:, 36], rows[:, 37:]
+
+    def mass_at(self, s: np.ndarray) -> np.ndarray:
+        """Mass per length (n,) [kg/m] at s (n,)."""
+        return self.section_at(s)[1]
 
     def radius_at(self, s: np.ndarray) -> np.ndarray:
         """Radius for pictures (n,) [m]; from the stiffness of a solid round section, 2 sqrt(EI / EA), if not given."""
@@ -253,8 +260,10 @@ def _section_table(where: str, section: Any, length: float) -> tuple[tuple[float
     places = [s for s, _ in table]
     if places != sorted(places):
         raise ValueError(f"{where}: the places of its sections must not decrease (got {places}).")
-    if abs(places[0]) > 1e-9 * length or abs(places[-1] - length) > 1e-9 * length and len(places) > 1:
-        raise ValueError(f"{where}: its sections must run from s = 0 to s = {length:g} m (got {places[0]:g} to {places[-1]:g}).")
+    if abs(places[0]) > 1e-9 * length or (abs(places[-1] - length) > 1e-9 * length and len(places) > 1):
+        raise ValueError(
+            f"{where}: its sections must run from s = 0 to s = {length:g} m (got {places[0]:g} to {places[-1]:g})."
+        )
     return tuple(table)
 
 
@@ -281,7 +290,7 @@ def _read_csv(file: pathlib.Path, where: str, shown: str) -> np.ndarray:
             rows = rows[1:]
         points = np.array([[float(x) for x in row[:3]] for row in rows])
     except (ValueError, UnicodeDecodeError) as error:
-        raise MeshError(f"{where}: curve file {shown} is not a table of numbers x, y, z: {error}.") from None
+        raise MeshError(f"{where}: curve file {shown} is not a table of numbers x, y, z: {one_line(error)}.") from None
     if points.ndim != 2 or points.shape[1] != 3:
         raise MeshError(f"{where}: curve file {shown} needs three columns x, y, z (got shape {points.shape}).")
     return points
@@ -304,32 +313,33 @@ def _read_lines(file: pathlib.Path, where: str, shown: str) -> tuple[np.ndarray,
             data = pyvista.read(file).extract_all_edges() if file.suffix.lower() != ".vtp" else pyvista.read(file)
             cells = data.lines
         except Exception as error:  # pyvista and VTK raise many types for files that are not meshes
-            raise MeshError(f"{where}: curve file {shown} cannot be read: {error}.") from None
-        edges, k = [], 0
+            raise MeshError(f"{where}: curve file {shown} cannot be read: {one_line(error)}.") from None
+        edges: list[tuple[int, int]] = []
+        k = 0
         while k < len(cells):
             n = int(cells[k])
             line = cells[k + 1 : k + 1 + n]
-            edges.extend(zip(line[:-1], line[1:], strict=True))
+            edges.extend(pairwise(line))
             k += n + 1
         return np.asarray(data.points, dtype=float), np.array(edges, dtype=int).reshape(-1, 2)
     import meshio
 
+    pairs: list[tuple[int, int]] = []
     try:
         mesh = meshio.read(file)
     except SystemExit:  # meshio prints its reason and exits
         raise MeshError(f"{where}: curve file {shown} cannot be read: meshio refuses it.") from None
     except Exception as error:
-        raise MeshError(f"{where}: curve file {shown} cannot be read: {error}.") from None
-    edges = []
+        raise MeshError(f"{where}: curve file {shown} cannot be read: {one_line(error)}.") from None
     for block in mesh.cells:
         if block.type == "line":
-            edges.extend(block.data)
+            pairs.extend(block.data)
         elif block.type == "line3":
-            edges.extend(pair for a, b, mid in block.data for pair in ((a, mid), (mid, b)))
+            pairs.extend(pair for a, b, mid in block.data for pair in ((a, mid), (mid, b)))
     points = np.asarray(mesh.points, dtype=float)
     if points.shape[1] == 2:
         points = np.column_stack([points, np.zeros(len(points))])
-    return points, np.array(edges, dtype=int).reshape(-1, 2)
+    return points, np.array(pairs, dtype=int).reshape(-1, 2)
 
 
 def _order_lines(points: np.ndarray, edges: np.ndarray, where: str, shown: str) -> np.ndarray:
@@ -344,8 +354,8 @@ def _order_lines(points: np.ndarray, edges: np.ndarray, where: str, shown: str) 
     ends = [k for k, n in neighbours.items() if len(n) == 1]
     if branches:
         raise MeshError(
-            f"{where}: curve file {shown} branches at point {branches[0]} {tuple(points[branches[0]])}; "
-            "a rod is one curve. Split the file and join rods with a weld."
+            f"{where}: curve file {shown} branches at point {branches[0]}; a rod is one curve. "
+            "Split the file and join rods with a weld."
         )
     if len(ends) != 2:
         what = "closed" if not ends else f"in {len(ends) // 2} pieces"

@@ -35,7 +35,15 @@ from .statics import solve_quasistatic, solve_static
 
 PROGRAM = "cosserat_fem"
 PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "pyvista", "vtk", "h5py", "pyamg")
-FILES = ("scene.toml", "history.vtkhdf", "parts.vtkhdf", "reactions.csv", "hinge_torque.csv", "history.pvd", "summary.json")
+FILES = (
+    "scene.toml",
+    "history.vtkhdf",
+    "parts.vtkhdf",
+    "reactions.csv",
+    "hinge_torque.csv",
+    "history.pvd",
+    "summary.json",
+)
 FOLDERS = ("pictures", "pvd")
 
 
@@ -110,7 +118,7 @@ def run_scene(
     try:
         with clock, phases.measure("solve"):
             history = _solve(scene, progress)
-            reason = history.message if history.status == "stopped" else ""
+        reason = history.message if history.status == "stopped" else ""
     except ConvergenceError as error:
         reason, history = str(error), error.history
     except KeyboardInterrupt:
@@ -125,7 +133,8 @@ def run_scene(
                 writer.results(history)
             except OSError as error:
                 reason = f"results could not be written: {error.strerror or error}"
-    writer.summary("stopped" if reason else "converged", reason or history.message, history)
+    message = history.message if history is not None else ""
+    writer.summary("stopped" if reason else "converged", reason or message, history)
     return Outcome(folder, history if history is not None and len(history) else None, reason)
 
 

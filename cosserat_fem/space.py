@@ -182,7 +182,9 @@ class Space:
         self.rods = tuple(rods)
         self.rotation = rotation
         ends = {rod: rod.element_ends(m) for rod, m in zip(rods, marks, strict=True)}
-        groups, views, n_nodes = [], {}, 0
+        groups: list[Group] = []
+        views: dict[Rod, RodNodes] = {}
+        n_nodes = 0
         for order in sorted({rod.order for rod in rods}):
             members = [rod for rod in rods if rod.order == order]
             basis, conn, first_vertex, first_element = _mesh(order, [ends[rod] for rod in members], n_nodes)
@@ -191,7 +193,7 @@ class Space:
             for rod, vertex, element in zip(members, first_vertex, first_element, strict=True):
                 n = len(ends[rod]) - 1
                 elements = slice(element, element + n)
-                s_gauss = basis.global_coordinates().value[0][elements].ravel()
+                s_gauss = np.asarray(basis.global_coordinates())[0][elements].ravel()
                 nodes = np.unique(conn[elements])
                 s = locations[nodes - n_nodes]
                 by_s = np.argsort(s, kind="stable")
@@ -207,7 +209,7 @@ class Space:
                     order,
                     basis,
                     conn,
-                    np.array([b[0].value[0] for b in basis.basis]).T.copy(),
+                    np.array([np.asarray(b[0])[0] for b in basis.basis]).T.copy(),
                     np.stack([b[0].grad[0] for b in basis.basis], axis=-1),
                     basis.dx,
                     np.concatenate(stiffness),
@@ -268,7 +270,7 @@ class Space:
         """Mass (N,) [kg] lumped at the nodes."""
         mass = np.zeros(self.n_nodes)
         for rod, view in self.views.items():
-            mass[view.nodes] = self.share(rod, lambda s, rod=rod: rod.section_at(s)[1])
+            mass[view.nodes] = self.share(rod, rod.mass_at)
         return mass
 
     @cached_property
@@ -385,7 +387,9 @@ def _mesh(order: int, ends: Sequence[np.ndarray], offset: int) -> tuple[Basis, n
     counts = np.array([len(e) for e in ends])
     first_vertex = np.concatenate([[0], np.cumsum(counts)[:-1]])
     first_element = first_vertex - np.arange(len(ends))
-    t = np.concatenate([v + np.stack([np.arange(n - 1), np.arange(1, n)]) for v, n in zip(first_vertex, counts, strict=True)], axis=1)
+    t = np.concatenate(
+        [v + np.stack([np.arange(n - 1), np.arange(1, n)]) for v, n in zip(first_vertex, counts, strict=True)], axis=1
+    )
     mesh = MeshLine(np.concatenate(ends)[None], t)
     X, W = np.polynomial.legendre.leggauss(order)
     basis = Basis(mesh, ElementLineGLL(order), quadrature=(0.5 * (1 + X)[None], 0.5 * W))

@@ -19,7 +19,7 @@ import numpy as np
 
 from .errors import ConvergenceError, SceneError, check_integer, check_shape
 from .history import History, Record
-from .kernels.rotation import conjugate, multiply, quaternion_from_vector, relative_rotation
+from .kernels.rotation import multiply, quaternion_from_vector, relative_rotation
 from .model import Model
 from .newton import Newton, Solved
 from .space import State
@@ -30,9 +30,7 @@ LOAD_STEPS = (4, 16, 64)
 HALVINGS = 6
 
 
-def solve_static(
-    model: Model, *, t: float = 0.0, start: State | None = None, steps: int | None = None
-) -> History:
+def solve_static(model: Model, *, t: float = 0.0, start: State | None = None, steps: int | None = None) -> History:
     """Find the equilibrium at one time, by itself: from the drawn shape, or from `start`.
 
     Parameters
@@ -69,7 +67,7 @@ def solve_static(
 
 def solve_quasistatic(
     model: Model,
-    times: Sequence[float],
+    times: Sequence[float] | np.ndarray,
     *,
     start: State | None = None,
     callback: Callable[[int, State], bool | None] | None = None,
@@ -99,9 +97,7 @@ def solve_quasistatic(
         raise ValueError("solve_quasistatic: times is empty; give at least one time.")
     if (np.diff(times) <= 0).any():
         k = int(np.flatnonzero(np.diff(times) <= 0)[0])
-        raise ValueError(
-            f"solve_quasistatic: times must increase (got {times[k]:g} s followed by {times[k + 1]:g} s)."
-        )
+        raise ValueError(f"solve_quasistatic: times must increase (got {times[k]:g} s followed by {times[k + 1]:g} s).")
     _check_supports(model)
     model.check_spans(times)
     history = History(model)
@@ -187,7 +183,13 @@ def _equilibrium(newton: Newton, state: State, history: History, *, steps: int |
 def _prefer_stable(newton: Newton, state: State, solved: Solved) -> Solved:
     """The stable state that the guarded method finds from the same start, if it does."""
     other = newton.guarded(state)
-    return other if other.converged and other.negative == 0 else solved
+    if not other.converged or other.negative > 0:
+        return solved
+    newton.model.warn(
+        f"t = {state.t:g} s: the first equilibrium found is unstable ({solved.negative} negative eigenvalues of the "
+        "tangent); it was left for a stable one. A perfectly symmetric scene may go either way."
+    )
+    return other
 
 
 def _in_load_steps(newton: Newton, state: State, n: int) -> Solved:
@@ -195,7 +197,6 @@ def _in_load_steps(newton: Newton, state: State, n: int) -> Solved:
     model = newton.model
     start = model.residual(state).g
     final = model.constraints.targets(state.t)
-    solved = None
     for k in range(1, n + 1):
         newton.counters.load_steps += 1
         targets = final if k == n else model.constraints.part_way(state, final, 1.0 / (n - k + 1))
@@ -206,7 +207,7 @@ def _in_load_steps(newton: Newton, state: State, n: int) -> Solved:
         if not solved.converged:
             return replace(solved, reason=f"load step {k} of {n}: {solved.reason}")
         state = solved.state
-    return solved
+    return solved  # n is at least 1
 
 
 def _check_supports(model: Model) -> None:
@@ -224,9 +225,7 @@ def _check_supports(model: Model) -> None:
 
 
 def _append(history: History, solved: Solved) -> None:
-    history.records.append(
-        Record(solved.state, solved.reactions, solved.iterations, solved.residual, solved.negative)
-    )
+    history.records.append(Record(solved.state, solved.reactions, solved.iterations, solved.residual, solved.negative))
 
 
 def _finish(history: History) -> History:

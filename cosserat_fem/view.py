@@ -72,8 +72,9 @@ class Picture:
             raise CosseratError(f"field {field!r} is unknown. {nearest(field, stored.fields.point_data)}")
         self.limits = self._limits()
         pv.global_theme.multi_samples = 0
-        self.plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
-        self.plotter.set_background("white")
+        plotter: Any = pv.Plotter(off_screen=True, window_size=list(SIZE))
+        plotter.set_background("white")
+        self.plotter = plotter
 
     def _limits(self) -> tuple[float, float] | None:
         if self.field is None:

@@ -29,8 +29,6 @@ memory `sigma` that enters only the geometric part: Magisano, Leonetti, Garcea (
 
 from __future__ import annotations
 
-from math import sqrt
-
 import numpy as np
 
 from . import inner

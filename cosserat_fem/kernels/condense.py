@@ -313,8 +313,27 @@ def fill_matrix(A, K, X):
 
 @kernel
 def assemble(
-    conn, n_elements, N, N_s, dx, C, C_full, reference, sigma, r, q, g, owner, nodal, shift, mu, symmetric,
-    S, rhs, factor, matrices,
+    conn,
+    n_elements,
+    N,
+    N_s,
+    dx,
+    C,
+    C_full,
+    reference,
+    sigma,
+    r,
+    q,
+    g,
+    owner,
+    nodal,
+    shift,
+    mu,
+    symmetric,
+    S,
+    rhs,
+    factor,
+    matrices,
 ):
     """Internal force added to g (N, 6) and the tangent of all elements of a group, condensed to their ends.
 
@@ -470,9 +489,15 @@ def add_strain_increment(M, dS, strain):
         Y0 = i2 * (p0 * d1 - p1 * d0 - (p2 * d3 - p3 * d2))
         Y1 = i2 * (p0 * d2 - p2 * d0 - (p3 * d1 - p1 * d3))
         Y2 = i2 * (p0 * d3 - p3 * d0 - (p1 * d2 - p2 * d1))
-        strain[0 * LANES + l] += M[0 * LANES + l] * x0 + M[3 * LANES + l] * x1 + M[6 * LANES + l] * x2 + G1 * w2 - G2 * w1
-        strain[1 * LANES + l] += M[1 * LANES + l] * x0 + M[4 * LANES + l] * x1 + M[7 * LANES + l] * x2 + G2 * w0 - G0 * w2
-        strain[2 * LANES + l] += M[2 * LANES + l] * x0 + M[5 * LANES + l] * x1 + M[8 * LANES + l] * x2 + G0 * w1 - G1 * w0
+        strain[0 * LANES + l] += (
+            M[0 * LANES + l] * x0 + M[3 * LANES + l] * x1 + M[6 * LANES + l] * x2 + G1 * w2 - G2 * w1
+        )
+        strain[1 * LANES + l] += (
+            M[1 * LANES + l] * x0 + M[4 * LANES + l] * x1 + M[7 * LANES + l] * x2 + G2 * w0 - G0 * w2
+        )
+        strain[2 * LANES + l] += (
+            M[2 * LANES + l] * x0 + M[5 * LANES + l] * x1 + M[8 * LANES + l] * x2 + G0 * w1 - G1 * w0
+        )
         strain[3 * LANES + l] += Y0 - 0.5 * (rho * K0 + s * w0 + w1 * K2 - w2 * K1)
         strain[4 * LANES + l] += Y1 - 0.5 * (rho * K1 + s * w1 + w2 * K0 - w0 * K2)
         strain[5 * LANES + l] += Y2 - 0.5 * (rho * K2 + s * w2 + w0 * K1 - w1 * K0)

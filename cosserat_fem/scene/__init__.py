@@ -89,7 +89,7 @@ def _times(source: Source, tables: SceneTables) -> np.ndarray:
     if solve.kind == "static":
         for key in ("duration", "times"):
             if key in given:
-                faults.append(source.fault(("solve", key), f"{key} is for kind = \"quasistatic\"; use t."))
+                faults.append(source.fault(("solve", key), f'{key} is for kind = "quasistatic"; use t.'))
         if solve.steps is not None and solve.steps < 1:
             faults.append(source.fault(("solve", "steps"), f"steps must be at least 1 (got {solve.steps})."))
         if faults:
@@ -107,22 +107,28 @@ def _times(source: Source, tables: SceneTables) -> np.ndarray:
         elif len(back):
             k = int(back[0])
             faults.append(
-                source.fault(("solve", "times", k + 1), f"times must increase (got {solve.times[k + 1]:g} s after {solve.times[k]:g} s).")
+                source.fault(
+                    ("solve", "times", k + 1),
+                    f"times must increase (got {solve.times[k + 1]:g} s after {solve.times[k]:g} s).",
+                )
             )
-    elif not solve.duration > 0:
-        faults.append(source.fault(("solve", "duration"), f"duration must be greater than 0 (got {solve.duration:g} s)."))
+    elif solve.duration is not None and not solve.duration > 0:
+        faults.append(
+            source.fault(("solve", "duration"), f"duration must be greater than 0 (got {solve.duration:g} s).")
+        )
     if every is not None and not every > 0:
         faults.append(source.fault(("output", "every"), f"every must be greater than 0 (got {every:g} s)."))
     if faults:
         raise SceneError(faults)
     if solve.times is not None:
         return np.array(solve.times)
-    step = every if every is not None else solve.duration / 100
-    n = int(np.floor(solve.duration / step * (1 + 1e-9)))
+    duration = float(solve.duration or 0.0)
+    step = float(every if every is not None else duration / 100)
+    n = int(np.floor(duration / step * (1 + 1e-9)))
     if n > 1_000_000:
         raise SceneError(source.fault(("output", "every"), f"gives {n} stations; choose at most a million."))
     times = step * np.arange(n + 1)
-    return times if solve.duration - times[-1] <= 1e-9 * solve.duration else np.append(times, solve.duration)
+    return times if duration - times[-1] <= 1e-9 * duration else np.append(times, duration)
 
 
 def _check_run(source: Source, model: Model, times: np.ndarray) -> None:
@@ -134,7 +140,7 @@ def _check_run(source: Source, model: Model, times: np.ndarray) -> None:
         for t in (times[0], times[-1]):
             model.external(model.initial_state(float(t)), tangent=False)
     except ValueError as error:
-        faults.append(f"{source.path.name}: {error}")
+        faults.append(source.place(str(error)))
     free = [text for text, translation in model.free_motions if translation or not model.terms]
     faults += [
         source.fault(("support",), f"too few supports: {text}. Hold that motion with a clamp or pin.") for text in free

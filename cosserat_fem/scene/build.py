@@ -40,7 +40,8 @@ class Builder:
     """Objects of one scene, and the faults met on the way."""
 
     def __init__(self, source: Source, tables: SceneTables) -> None:
-        self.source, self.tables, self.faults = source, tables, []
+        self.source, self.tables = source, tables
+        self.faults: list[str] = []
         self.sections: dict[str, Section] = {}
         self.rods: dict[str, Rod] = {}
         self.parts: dict[str, Part] = {}
@@ -66,17 +67,7 @@ class Builder:
         except KardanError as error:
             raise SceneError(self.source.fault(("solve", "rotation"), str(error))) from None
         except SceneError as error:
-            raise SceneError([self._placed(fault) for fault in error.faults]) from None
-
-    def _placed(self, fault: str) -> str:
-        """Bring a fault of the model to the line of the object it names."""
-        match = re.match(r"(\w+) ['\"]([^'\"]*)['\"]", fault)
-        table = match.group(1) if match else ""
-        for k, entry in enumerate(getattr(self.tables, table, ()) or ()):
-            built = self.supports[k] if table == "support" and k < len(self.supports) else entry
-            if match and getattr(built, "name", None) == match.group(2):
-                return f"{self.source.path.name}:{self.source.lines.line_of((table, k))}: {fault}"
-        return f"{self.source.path.name}: {fault}"
+            raise SceneError([self.source.place(fault) for fault in error.faults]) from None
 
     def _each(self, table: str, entries: Iterable[Any], make: Callable[[Any, lines.Path], Any], into: dict) -> None:
         for k, entry in enumerate(entries):
@@ -95,8 +86,9 @@ class Builder:
         """A fault said by a class, at the line of the key it names and with the value as it was written."""
         entry = self.source.value(path)
         # "rod 'a': length: must be greater than 0 (got -1)." -> key "length", the rest
-        text = re.sub(r"^(section|rod|part|clamp|pin|weld|support|hinge|slider|path|point load|line load)"
-                      r"( on rod)?( '[^']*')?: ", "", message)  # fmt: skip
+        text = re.sub(
+            r"^(section|rod|part|clamp|pin|weld|support|point load|line load)( on rod)?( '[^']*')?: ", "", message
+        )
         text = re.sub(r"^(hinge|slider|path): ", "motion.", text)
         match = re.match(r"(motion\.)?(\w+)\b", text)
         key = match.group(2) if match else ""
@@ -167,6 +159,13 @@ class Builder:
     def _part(self, table: Any, path: lines.Path) -> Part:
         if table.name == "ground":
             raise ValueError("the name 'ground' is taken by what never moves; choose another.")
+        mesh: pathlib.Path | None = None
+        if table.mesh is not None:
+            mesh = (self.source.folder / table.mesh).resolve()
+            try:
+                read_surface(mesh, f"part {table.name!r}")
+            except MeshError as error:  # the motion may be faulty too
+                self.faults += [self._bare(path, fault, ("mesh",)) for fault in error.faults]
         motion: Any = None
         if isinstance(table.motion, HingeTable):
             motion = Hinge(table.motion.point, table.motion.axis, table.motion.angle)
@@ -174,10 +173,6 @@ class Builder:
             motion = Slider(table.motion.axis, table.motion.travel)
         elif isinstance(table.motion, PathTable):
             motion = Path.read(self.source.folder / table.motion.file)
-        mesh: pathlib.Path | None = None
-        if table.mesh is not None:
-            mesh = (self.source.folder / table.mesh).resolve()
-            read_surface(mesh, f"part {table.name!r}")
         return Part(table.name, mesh, table.mesh_unit, motion)
 
     def _support(self, table: Any, path: lines.Path) -> Support | Weld | None:

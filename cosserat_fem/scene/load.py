@@ -54,6 +54,22 @@ class Source:
         """One line for a fault: file, line, table and what is wrong."""
         return f"{self.path.name}:{self.lines.line_of(path)}: {self.label(path)}{message}"
 
+    def place(self, message: str) -> str:
+        """A message of a model, ``part 'door': ...``, at the line of the table it names."""
+        match = re.match(r"(\w+) '([^']*)'", message)
+        entries = self.data.get(match.group(1)) if match else None
+        for k, entry in enumerate(entries if isinstance(entries, list) else []):
+            if isinstance(entry, dict) and match and self._name(match.group(1), entry) == match.group(2):
+                return f"{self.path.name}:{self.lines.line_of((match.group(1), k))}: {message}"
+        return f"{self.path.name}: {message}"
+
+    @staticmethod
+    def _name(table: str, entry: dict[str, Any]) -> Any:
+        """Name of an entry, for a support without one its default."""
+        if table == "support" and "name" not in entry:
+            return f"{entry.get('rod')}.{entry.get('at')}@{entry.get('to', 'ground')}"
+        return entry.get("name")
+
     def label(self, path: Path) -> str:
         """The table a path lies in, as the user knows it: ``rod "loom": `` or ``support 2: ``."""
         if not path:
@@ -92,7 +108,7 @@ def read(path: pathlib.Path) -> Source:
         raise SceneError(f"{path.name}: is not a text file in UTF-8.") from None
     except tomllib.TOMLDecodeError as error:
         place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
-        where = f"{path.name}:{place.group(1)}" if place else path.name
+        where = f"{path.name}:{place.group(1)}" if place else f"{path.name}:{text.count(chr(10)) + 1}"
         reason = re.sub(r"\s*\(at .*\)$", "", str(error))
         raise SceneError(f"{where}: is not TOML: {reason[:1].lower()}{reason[1:]}.") from None
     except RecursionError:
@@ -124,9 +140,14 @@ def _fault(source: Source, error: dict[str, Any]) -> str:
     kind, given = error["type"], error.get("input")
     if kind == "extra_forbidden":
         known = _known_keys(source, path[:-1])
+        if len(path) == 1:
+            where = f"{source.path.name}:{source.lines.line_of(path)}"
+            return f"{where}: unknown table or key {str(path[0])!r}. {nearest(str(path[0]), known)}"
         return source.fault(path, f"unknown key {str(path[-1])!r}. {nearest(str(path[-1]), known)}")
     if kind == "missing":
         inside = f"{_keys(path[:-1])} " if _keys(path[:-1]) else ""
+        if isinstance(path[-1], int):
+            return source.fault(path[:-1], f"{inside}has too few values (got {short(source.value(path[:-1]))}).")
         return source.fault(path[:-1], f"{inside}needs the key {str(path[-1])!r}.")
     if kind == "union_tag_not_found":
         return source.fault(path, f"needs the key 'kind', one of {_tags(error)}.")
@@ -197,7 +218,7 @@ def _models(annotation: Any) -> list[type[BaseModel]]:
 
 def _kind(model: type[BaseModel]) -> str | None:
     field = model.model_fields.get("kind")
-    return field.annotation.__args__[0] if field is not None else None
+    return getattr(field.annotation, "__args__", (None,))[0] if field is not None else None
 
 
 def short(value: Any) -> str:

@@ -16,7 +16,10 @@ from .units import KINDS, parse
 
 def quantity(kind: str) -> Any:
     """A number in SI or a string with a unit of this kind."""
-    schema = {"type": ["number", "string"], "description": f'{kind}; a number is SI, or a string like "{KINDS[kind][1]}"'}
+    schema = {
+        "type": ["number", "string"],
+        "description": f'{kind}; a number is SI, or a string like "{KINDS[kind][1]}"',
+    }
     return Annotated[float, BeforeValidator(lambda value: parse(value, kind)), WithJsonSchema(schema)]
 
 

@@ -58,7 +58,7 @@ KINDS: dict[str, tuple[tuple[int, int, int], str]] = {
 }
 
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
-_FACTOR = re.compile(r"\s*([*/]?)\s*(1|[A-Za-z]+)\s*(?:\^|\*\*)?\s*([-+]?\d+)?\s*")
+_FACTOR = re.compile(r"\s*([*/]?)\s*(1|[A-Za-z]+)(?:\s*(?:\^|\*\*)?\s*([-+]?\d+))?\s*")
 
 
 def parse(value: Any, kind: str) -> float:

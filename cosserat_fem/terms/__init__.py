@@ -22,7 +22,8 @@ class Term(Protocol):
     negative eigenvalues, that is, judge stability.
     """
 
-    name: str
+    @property
+    def name(self) -> str: ...
 
     @property
     def symmetric(self) -> bool: ...

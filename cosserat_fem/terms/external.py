@@ -88,9 +88,9 @@ class LineLoad:
         object.__setattr__(self, "_force", Schedule(f"{where}: force", self.force, (3,)))
         object.__setattr__(self, "_moment", Schedule(f"{where}: moment", self.moment, (3,)))
         if self.profile is not None and not callable(self.profile):
-            s, factor = self.profile
-            s = check_shape(f"{where}: places of the profile", s, (-1,))
-            check_shape(f"{where}: factors of the profile", factor, (len(s),))
+            places, factors = self.profile
+            s = check_shape(f"{where}: places of the profile", places, (-1,))
+            check_shape(f"{where}: factors of the profile", factors, (len(s),))
             if (np.diff(s) < 0).any():
                 raise ValueError(f"{where}: places of the profile must not decrease.")
 
@@ -103,9 +103,10 @@ class LineLoad:
         """Integral (n,) [m] of profile times shape function, at the rod's nodes in order of s."""
         if self.profile is None:
             return space.share(self.rod)
-        if callable(self.profile):
-            return space.share(self.rod, lambda s: np.array([self.profile(x) for x in s]))
-        places, factors = self.profile
+        profile = self.profile
+        if callable(profile):
+            return space.share(self.rod, lambda s: np.array([profile(x) for x in s]))
+        places, factors = profile
         return space.share(self.rod, lambda s: np.interp(s, places, factors))
 
     def __call__(self, state: State, space: Space, *, tangent: bool = True) -> Blocks:
@@ -115,9 +116,7 @@ class LineLoad:
         drop = self.components == "normal" and not self.follower
         nodes = space[self.rod].nodes
         weights = space.remember(self, lambda: self.weights(space))
-        return nodal_load(
-            state, space, nodes, weights, force, moment, (self.follower, self.follower), drop, tangent
-        )
+        return nodal_load(state, space, nodes, weights, force, moment, (self.follower, self.follower), drop, tangent)
 
 
 @dataclass(frozen=True, eq=False)

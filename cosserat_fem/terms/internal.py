@@ -44,7 +44,8 @@ class Additions:
 class InternalForce(Protocol):
     """The five questions; see QuaternionBeam."""
 
-    name: str
+    @property
+    def name(self) -> str: ...
 
     def __call__(self, state: State, space: Space, *, tangent: bool = True) -> list[Blocks]: ...
 
@@ -190,7 +191,16 @@ class KardanBeam:
         for group in space.groups:
             sigma = np.empty_like(group.reference)
             kardan.extrapolate_stress(
-                group.conn, group.N, group.N_s, group.stiffness, group.reference, state.r, state.angles, du, scale, sigma
+                group.conn,
+                group.N,
+                group.N_s,
+                group.stiffness,
+                group.reference,
+                state.r,
+                state.angles,
+                du,
+                scale,
+                sigma,
             )
             memory.append(sigma)
         return tuple(memory)

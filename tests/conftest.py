@@ -1,0 +1,14 @@
+"""Fixtures shared by all tests."""
+
+import pathlib
+import sys
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))  # helpers.py
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(20)

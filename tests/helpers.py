@@ -1,0 +1,23 @@
+"""Small builders that several tests use."""
+
+import numpy as np
+
+import cosserat_fem as cf
+
+
+def curved_space(order, *, coupled=False, rotation="quaternion", n_elements=5, shape=None):
+    """A space of one bent and twisted rod, and a state that is strained at random but moderately."""
+    rng = np.random.default_rng(7)
+    if coupled:
+        C = rng.normal(size=(6, 6))
+        section = cf.Section(coupled=C @ C.T + 6 * np.eye(6))
+    else:
+        section = cf.Section(force_stiffness=(3.0, 4.0, 5.0), moment_stiffness=(0.7, 1.1, 0.9))
+    points = [(0, 0, 0), (0.2, 0.5, 0.1), (0.1, 0.9, 0.6), (0.0, 1.2, 1.0)] if shape is None else shape
+    rod = cf.Rod("r", section, points, n_elements=n_elements, order=order, length=1.7, rest=(0.3, -0.2, 0.5))
+    model = cf.Model([rod], [cf.Clamp(rod, "start")], rotation=rotation)
+    state = model.initial_state()
+    du = 0.1 * rng.normal(size=(model.space.n_nodes, 6))
+    state = model.space.update(state, du)
+    memory = tuple(m + 0.3 * rng.normal(size=m.shape) for m in state.stress)
+    return model, cf.State(0.0, state.r, state.q, memory, state.angles)

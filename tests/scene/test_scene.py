@@ -1,0 +1,355 @@
+"""Scene files: what they mean, and every fault with its line."""
+
+import pathlib
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+import cosserat_fem as cf
+from cosserat_fem.scene import shipped_scene
+
+GOOD = """
+title = "a scene"
+
+[[section]]
+name = "loom"
+kind = "round"
+diameter = "8 mm"
+youngs_modulus = "8 MPa"
+density = 1500
+
+[[rod]]
+name = "cable"
+section = "loom"
+points = [[0, 0, 0], [80, -50, -60], [200, 0, 0]]
+unit = "mm"
+n_elements = 10
+
+[[part]]
+name = "door"
+motion = { kind = "hinge", point = ["100 mm", 0, 0], axis = [0, 0, 1], angle = [["0 s", "2 s"], ["0 deg", "110 deg"]] }
+
+[[support]]
+kind = "clamp"
+rod = "cable"
+at = "start"
+
+[[support]]
+kind = "clamp"
+rod = "cable"
+at = "end"
+to = "door"
+
+[gravity]
+acceleration = [0, 0, "-9.81 m/s^2"]
+
+[solve]
+kind = "quasistatic"
+duration = "2 s"
+
+[output]
+every = "0.5 s"
+"""
+
+
+def write(tmp_path, text, name="scene.toml"):
+    file = tmp_path / name
+    file.write_text(text)
+    return file
+
+
+def change(old, new):
+    assert old in GOOD, old
+    return GOOD.replace(old, new, 1)
+
+
+def faults(tmp_path, text):
+    with pytest.raises(cf.SceneError) as caught:
+        cf.load_scene(write(tmp_path, text))
+    return caught.value.faults
+
+
+def test_scene_becomes_a_model(tmp_path):
+    scene = cf.load_scene(write(tmp_path, GOOD))
+    model = scene.model
+    assert scene.title == "a scene"
+    np.testing.assert_allclose(scene.times, [0, 0.5, 1, 1.5, 2])
+    assert [rod.name for rod in model.rods] == ["cable"]
+    assert [str(h.name) for h in model.supports] == ["cable.start@ground", "cable.end@door"]
+    assert [term.name for term in model.terms] == ["gravity"]
+    assert model.rods[0].section.moment_stiffness[0] == pytest.approx(8e6 * np.pi * 0.008**4 / 64)
+    np.testing.assert_allclose(model.rods[0].points[1], (0.08, -0.05, -0.06))
+    assert model.parts[1].motion.angle_at(1.0) == pytest.approx(np.radians(55))
+    assert scene.folder == pathlib.Path("out/scene")
+
+
+def test_absent_table_is_absent_physics(tmp_path):
+    text = change('[gravity]\nacceleration = [0, 0, "-9.81 m/s^2"]\n', "")
+    assert cf.load_scene(write(tmp_path, text)).model.terms == ()
+
+
+def test_resolved_scene_means_the_same(tmp_path):
+    """What a run writes down can be run again and gives the same numbers."""
+    for file in (write(tmp_path, GOOD), shipped_scene()):
+        scene = cf.load_scene(file)
+        again = cf.load_scene(write(tmp_path, scene.resolved(), "resolved.toml"))
+        assert again.resolved() == scene.resolved()
+        np.testing.assert_array_equal(again.times, scene.times)
+        a, b = scene.model.initial_state(), again.model.initial_state()
+        np.testing.assert_array_equal(a.r, b.r)
+        np.testing.assert_array_equal(a.q, b.q)
+
+
+ALL_TABLES = """
+[[section]]
+name = "flat"
+kind = "rectangle"
+width = "10 mm"
+height = "2 mm"
+youngs_modulus = "3 GPa"
+shear_modulus = "1 GPa"
+
+[[section]]
+name = "general"
+kind = "general"
+force_stiffness = ["10 kN", "10 kN", "30 kN"]
+moment_stiffness = ["0.1 N m^2", 0.2, 0.05]
+mass_per_length = "100 g/m"
+rotary_inertia = [1e-7, 1e-7, "2e-7 kg m"]
+radius = "3 mm"
+
+[[section]]
+name = "coupled"
+kind = "general"
+coupled = [[1e4, 0, 0, 0, 0, 0], [0, 1e4, 0, 0, 0, 0], [0, 0, 3e4, 0, 0, 5], [0, 0, 0, 0.1, 0, 0], [0, 0, 0, 0, 0.2, 0], [0, 0, 5, 0, 0, 0.05]]
+
+[[rod]]
+name = "a"
+section = [["0 mm", "flat"], ["100 mm", "flat"], ["100 mm", "general"], [0.2, "general"]]
+points = [[0, 0, 0], [0.2, 0, 0]]
+rest = [[0, 0, 0], ["1 1/m", 0, 0]]
+normal = [0, 0, 1]
+end_normal = [0, 1, 1]
+layer = "5 mm"
+order = 4
+
+[[rod]]
+name = "b"
+section = "coupled"
+file = "route.csv"
+unit = "mm"
+rest = "as_drawn"
+
+[[part]]
+name = "stage"
+motion = { kind = "slider", axis = [1, 0, 0], travel = "1 mm/s" }
+
+[[part]]
+name = "ship"
+motion = { kind = "path", file = "motion.csv" }
+
+[[support]]
+kind = "clamp"
+rod = "a"
+at = "start"
+to = "stage"
+free = ["ry"]
+frame = [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]
+name = "fork"
+
+[[support]]
+kind = "pin"
+rod = "a"
+at = "150 mm"
+to = "ship"
+
+[[support]]
+kind = "clamp"
+rod = "a"
+at = "end"
+free = "x"
+
+[[support]]
+kind = "weld"
+rod = "a"
+at = "end"
+other = "b"
+other_at = "start"
+
+[[load]]
+kind = "point"
+rod = "b"
+at = "end"
+force = [[0, "10 s"], [[0, 0, 0], [0, 0, "-1 N"]]]
+moment = [0, "1 N mm", 0]
+follower = true
+
+[[load]]
+kind = "line"
+rod = "a"
+force = [0, 0, "-2 N/m"]
+components = "normal"
+profile = [[0, "200 mm"], [1, 2]]
+
+[solve]
+kind = "static"
+t = "2 s"
+"""
+
+
+def test_every_table(tmp_path):
+    """One scene with every kind of table: built, checked, solved, written back."""
+    (tmp_path / "route.csv").write_text("x,y,z\n200,0,0\n250,20,0\n300,0,10\n")
+    (tmp_path / "motion.csv").write_text("0,0,0,0,1,0,0,0\n5,0.002,0,0,1,0,0,0\n")
+    text = ALL_TABLES.replace('free = "x"', 'free = ["x"]')
+    scene = cf.load_scene(write(tmp_path, text))
+    history = cf.solve_static(scene.model, t=float(scene.times[0]))
+    assert history.records[0].residual < 1e-8
+    total = sum(history.reaction(h)[0, :3] for h in scene.model.supports)
+    assert np.isfinite(total).all()
+    again = cf.load_scene(write(tmp_path, scene.resolved(), "resolved.toml"))
+    np.testing.assert_array_equal(again.model.initial_state().q, scene.model.initial_state().q)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "message"),
+    [
+        ('diameter = "8 mm"', 'diameter = "-8 mm"', 7, 'section "loom": diameter: must be greater than 0 (got "-8 mm").'),
+        ('diameter = "8 mm"', 'diameter = "8 kg"', 7, 'section "loom": diameter is not a length; write for example "4 mm"'),
+        ('diameter = "8 mm"', "diameter = nan", 7, 'section "loom": diameter must be finite (got nan).'),
+        ('diameter = "8 mm"', "diameter = inf", 7, "must be finite"),
+        ('diameter = "8 mm"', 'diametre = "8 mm"', 7, "unknown key 'diametre'. Did you mean 'diameter'?"),
+        ('diameter = "8 mm"\n', "", 4, 'section "loom": needs the key \'diameter\'.'),
+        ('kind = "round"', 'kind = "rond"', 6, "kind 'rond' is unknown. Did you mean 'round'?"),
+        ('kind = "round"\n', "", 4, "needs the key 'kind', one of 'round', 'rectangle', 'general'."),
+        ("density = 1500", "density = -1500", 9, "density: must be at least 0 (got -1500.0)."),
+        ("density = 1500", "poisson_ratio = 0.7", 9, "poisson_ratio must be above -1 and at most 0.5 (got 0.7)."),
+        ('name = "loom"', 'name = ""', 5, "name must not be empty"),
+        ('name = "loom"', "name = 3", 5, "name must be a string (got 3)."),
+        ('section = "loom"', 'section = "lom"', 13, 'rod "cable": section "lom" does not exist. Did you mean \'loom\'?'),
+        ("[200, 0, 0]]", "[200, 0, nan]]", 14, 'rod "cable": points[2][2] must be finite (got nan).'),
+        ("[200, 0, 0]]", "[200, 0]]", 14, 'rod "cable": points[2] has too few values (got [200, 0]).'),
+        ("[200, 0, 0]]", "[200, 0, 0, 0]]", 14, "points[2] must have 3 entries (got 4)."),
+        ("points = [[0, 0, 0], [80, -50, -60], [200, 0, 0]]", "points = []", 14, "points: must have shape (any, 3)"),
+        ("points = [[0, 0, 0], [80, -50, -60], [200, 0, 0]]", "points = [[0, 0, 0]]", 14, "points: must be at least two (got 1)."),
+        ("[80, -50, -60]", "[0, 0, 0]", 14, "points: 0 and 1 coincide at (0, 0, 0)."),
+        ("points = [[0, 0, 0], [80, -50, -60], [200, 0, 0]]\n", "", 11, "needs either 'points' or 'file'."),
+        ("n_elements = 10", "n_elements = 0", 16, "n_elements: must be an integer of at least 1 (got 0)."),
+        ("n_elements = 10", "n_elements = 2.5", 16, "n_elements must be an integer (got 2.5)."),
+        ("n_elements = 10", 'n_elements = "10"', 16, "n_elements must be an integer"),
+        ("n_elements = 10", "order = 9", 16, "order: must be an integer from 1 to 6 (got 9)."),
+        ("n_elements = 10", 'length = "0 mm"', 16, 'length: must be greater than 0 (got "0 mm").'),
+        ("n_elements = 10", 'rest = "curled"', 16, "rest must be 'straight', 'as_drawn' or numbers"),
+        ("n_elements = 10", "normal = [0, 0, 0]", 16, "has zero length"),
+        ("axis = [0, 0, 1]", "axis = [0, 0, 0]", 20, 'part "door": motion.axis: has zero length; give a direction.'),
+        ("axis = [0, 0, 1], ", "", 20, "motion needs the key 'axis'."),
+        ('"0 deg", "110 deg"', '"0 deg", "110 mm"', 20, "motion.angle is not an angle"),
+        ('["0 s", "2 s"]', '["2 s", "0 s"]', 20, "motion.angle: times must increase (got 2 s followed by 0 s)."),
+        ('["0 s", "2 s"]', '["0 s", "2 s", "3 s"]', 20, "motion.angle has 3 times but 2 values"),
+        ('["0 s", "2 s"]', '["0 s", "1 s"]', 18, "the table runs from 0 s to 1 s, but the run asks for"),
+        ('to = "door"', 'to = "dor"', 31, 'support 2: part "dor" does not exist. Did you mean \'door\'?'),
+        ('at = "end"', 'at = "300 mm"', 30, "support 2: at = 0.3 m is not on rod 'cable'"),
+        ('at = "end"', 'at = "middle"', 30, "at must be 'start', 'end' or an arc length"),
+        ('at = "end"', 'at = "start"', 27, "both hold x, y, z, rx, ry, rz. Use one support"),
+        ('at = "end"', 'at = "end"\nfree = ["q"]', 31, "free component 'q' is unknown"),
+        ('"-9.81 m/s^2"', '"-9.81 m/s"', 34, "gravity: acceleration[2] is not an acceleration"),
+        ('kind = "quasistatic"', 'kind = "dynamik"', 37, "kind must be one of 'static' or 'quasistatic'"),
+        ('duration = "2 s"', 'duration = "0 s"', 38, "duration must be greater than 0"),
+        ('duration = "2 s"', "times = [0, 1, 1]", 38, "times must increase (got 1 s after 1 s)."),
+        ('duration = "2 s"', "times = []", 38, "times is empty"),
+        ('duration = "2 s"\n', "", 36, "needs either 'duration' (with output.every) or 'times'."),
+        ('duration = "2 s"', 'duration = "2 s"\nt = 1', 39, 't is for kind = "static".'),
+        ('every = "0.5 s"', 'every = "-0.5 s"', 41, "every must be greater than 0"),
+        ('every = "0.5 s"', 'every = "1e-9 s"', 41, "stations; choose at most a million"),
+        ("[gravity]", "[gravty]", 33, "unknown table or key 'gravty'. Did you mean 'gravity'?"),
+        ("[gravity]", "[[gravity]]", 33, "gravity must be a table"),
+        ("[[part]]", "[part]", 18, "part must be a list"),
+        ("[solve]", "[solve", 36, "is not TOML"),
+        ('rod = "cable"\nat = "start"', 'rod = "cabel"\nat = "start"', 24, 'support 1: rod "cabel" does not exist. Did you mean \'cable\'?'),
+    ],
+)  # fmt: skip
+def test_fault_with_its_line(tmp_path, old, new, line, message):
+    """One changed value: one fault, at its line, with what was given and what is right."""
+    found = faults(tmp_path, change(old, new))
+    assert any(message in f for f in found), found
+    [fault] = [f for f in found if message in f]
+    assert re.match(rf"scene\.toml:{line}: ", fault), fault
+
+
+def test_all_faults_at_once(tmp_path):
+    text = (
+        change('section = "loom"', 'section = "lom"')
+        .replace('to = "door"', 'to = "dor"')
+        .replace("axis = [0, 0, 1]", "axis = [0, 0, 0]")
+    )
+    found = faults(tmp_path, text)
+    assert len(found) == 3
+    assert found == sorted(found, key=lambda f: int(f.split(":")[1]))
+
+
+def test_too_few_supports(tmp_path):
+    text = change(
+        'kind = "clamp"\nrod = "cable"\nat = "start"', 'kind = "clamp"\nrod = "cable"\nat = "start"\nfree = ["y"]'
+    )
+    text = text.replace(
+        'kind = "clamp"\nrod = "cable"\nat = "end"\nto = "door"',
+        'kind = "pin"\nrod = "cable"\nat = "end"\nto = "door"\nfree = ["y", "z"]',
+    )
+    [fault] = faults(tmp_path, text)
+    assert "too few supports: rod 'cable' can still move along y" in fault
+
+
+def test_name_used_twice(tmp_path):
+    text = change("[[part]]", '[[rod]]\nname = "cable"\nsection = "loom"\npoints = [[0, 0, 0], [1, 0, 0]]\n\n[[part]]')
+    assert any("the name is used twice, first in line 11." in f for f in faults(tmp_path, text))
+
+
+def test_bad_files(tmp_path):
+    """Meshes and curves that are missing or no meshes, in the line that names them."""
+    (tmp_path / "text.stl").write_text("no mesh")
+    for name, message in (("none.stl", "does not exist"), ("text.stl", "holds no surface|cannot be read")):
+        [fault] = faults(tmp_path, change('name = "door"', f'name = "door"\nmesh = "{name}"'))
+        assert re.search(f'scene.toml:20: part "door": mesh file .*({message})', fault)
+    text = change("points = [[0, 0, 0], [80, -50, -60], [200, 0, 0]]", 'file = "route.xyz"')
+    (tmp_path / "route.xyz").write_text("1 2 3")
+    [fault] = faults(tmp_path, text)
+    assert re.search(r'scene\.toml:14: rod "cable": curve file .* cannot be read', fault)
+    [fault] = faults(tmp_path, change("angle = [", 'file = "x.csv", angle = ['))
+    assert "unknown key 'file'" in fault
+
+
+def test_unreadable(tmp_path):
+    with pytest.raises(cf.SceneError, match="there is no such scene file"):
+        cf.load_scene(tmp_path / "none.toml")
+    with pytest.raises(cf.SceneError, match="cannot be read"):
+        cf.load_scene(tmp_path)
+    (tmp_path / "x.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(cf.SceneError, match="not a text file"):
+        cf.load_scene(tmp_path / "x.toml")
+    assert len(faults(tmp_path, "")) == 3
+    assert len(faults(tmp_path, "[" * 5000)) == 1
+
+
+def test_kardan_on_the_shipped_scene_names_the_place(tmp_path):
+    """Clamp B points along x at 0 deg, where Kardan angles are singular: refused, quaternions advised."""
+    folder = shipped_scene().parent
+    for file in folder.iterdir():
+        shutil.copy(file, tmp_path)
+    file = tmp_path / "satellite_hinge.toml"
+    file.write_text(file.read_text().replace('kind = "quasistatic"', 'kind = "quasistatic"\nrotation = "kardan"'))
+    with pytest.raises(
+        cf.SceneError,
+        match=r"toml:\d+: solve: .*rod 'cable' at its end: theta = 90.00 deg.*Use rotation = \"quaternion\"",
+    ):
+        cf.load_scene(file)
+
+
+def test_example_and_shipped_scene_are_one():
+    """The example uses the line mesh and the meshes folder; what is solved is the same."""
+    root = pathlib.Path(__file__).parents[2]
+    a, b = cf.load_scene(root / "examples" / "satellite_hinge.toml"), cf.load_scene()
+    np.testing.assert_allclose(a.model.initial_state().r, b.model.initial_state().r, atol=1e-15)
+    for name in ("hinge_fixed.stl", "hinge_moving.stl"):
+        assert (root / "meshes" / name).read_bytes() == (shipped_scene().parent / name).read_bytes()
