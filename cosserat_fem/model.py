@@ -213,7 +213,7 @@ class Model:
             "length": float(self.space.lengths.max()),
             "element": float(h.mean()),
             "smallest": float(h.min()),
-            "size": float(np.abs(drawn).max() + self.space.lengths.max()),
+            "size": float(np.abs(drawn).max()),
             "axial": max(float(np.abs(g.stiffness[..., (0, 1, 2), (0, 1, 2)]).max()) for g in groups),
             "bending": max(float(np.abs(g.stiffness[..., (3, 4, 5), (3, 4, 5)]).max()) for g in groups),
         }

@@ -3,7 +3,7 @@
 Rule: an iteration is: sum of terms, linear system, new stress memory, new state. Convergence is judged on the true
 residual (with the stresses of the current strains, never the memory) on the free unknowns, relative to the section
 forces and moments in the rods, and on the gaps of the supports. The floors are the round-off of the strains, so the
-same digits come out in mm and in m.
+same digits come out in mm and in m. A residual a little above its floor counts when another step did not lower it.
 
 `plain` takes full steps. `guarded` adds mu * shift to the matrix until it has no negative eigenvalue, and shortens a
 step in which a node would turn by more than 0.8 rad: it goes downhill in energy and ends in a stable state, so it must
@@ -23,8 +23,9 @@ from .linear import LinearSolver
 from .model import Model, Sum
 from .space import State
 
-RESIDUAL = 1e-10  # relative
-ROUND_OFF = 16 * np.finfo(float).eps
+RESIDUAL = 1e-11  # relative
+ROUND_OFF = 2 * np.finfo(float).eps
+STAGNANT = 32.0  # residual in units of the tolerance, accepted when a small step no longer halves it
 LARGEST_TURN = 0.8  # rad in one guarded step
 SMALLEST_SHIFT = 1e-6
 
@@ -91,7 +92,7 @@ class Newton:
         targets = targets or constraints.targets(state.t)
         mu = SMALLEST_SHIFT if guarded else 0.0
         moments = np.zeros((constraints.n_supports, 3)) if constraints.tilted else None
-        negative, residual, where, k, cheap = -1, np.inf, 0, 0, False
+        negative, residual, before, where, k, cheap = -1, np.inf, np.inf, 0, 0, False
         small = near = False  # the last increment; the one before the last factorisation
         total = Sum(np.zeros((model.space.n_nodes, 6)), 0.0, 0.0)
 
@@ -115,24 +116,20 @@ class Newton:
             residual, where = self._measure(state, total, held)
             if not residual < np.inf:
                 return stop("the residual is not finite")
-            reached = k > 0 and residual <= 1.0 and self._gap_closed(held)
-            if reached and mu <= SMALLEST_SHIFT:
-                return stop()
+            met = residual <= 1.0 or (small and 0.5 * before < residual <= STAGNANT)
+            reached = k > 0 and met and self._gap_closed(held)
             if reached:
-                mu = SMALLEST_SHIFT  # stability counts only without the shift
+                return stop()
             if cheap:
                 cheap = False
                 continue
             if k == iterations:
                 return stop(f"no convergence within {iterations} iterations")
-            near = small
+            near = small and mu <= SMALLEST_SHIFT  # stability counts only without the shift
             solution = self.linear.solve(state, total.g, held, total.negative, model.symmetric)
             self.counters.iterations += 1
             self.counters.linear[solution.method] = self.counters.linear.get(solution.method, 0) + 1
             bad = solution.singular >= 0
-            if guarded and reached and not bad:
-                negative = solution.negative
-                return stop()
             if guarded and (bad or solution.negative > 0):
                 if mu > 1e12:
                     return stop("the tangent stays indefinite")
@@ -152,7 +149,7 @@ class Newton:
                 state = model.space.update(state, du, scale, stress)
             except KardanError as error:
                 return stop(str(error))
-            k += 1
+            k, before = k + 1, residual
             small = turn < 1e-3 and shift < 1e-3 * model.scales["length"]
             cheap = scale == 1.0 and small and mu <= SMALLEST_SHIFT
             if guarded and scale == 1.0:

@@ -1,0 +1,49 @@
+"""A02. Cantilever under a dead tip force, P L^2 / EI = 1 to 10: elliptic integrals, and with shear and stretch."""
+
+import numpy as np
+import pytest
+
+import cosserat_fem as cf
+
+
+def solve(cantilever, stiffness, P, *, n_elements=10, order=4):
+    model = cantilever(stiffness, 1.0, n_elements=n_elements, order=order, force=(0, P, 0), normal=(0, 0, 1))
+    history = cf.solve_static(model)
+    tip, frame = history.positions("rod")[0, -1], history.directors("rod")[0, -1]
+    angle = np.arctan2(frame[1, 2], frame[0, 2])
+    return np.array([1 - tip[0], tip[1], angle, history.energy[0]]), history
+
+
+@pytest.mark.parametrize("P", range(1, 11))
+def test_inextensible(cantilever, references, report, P):
+    """EA = GA = 1e8 EI / L^2 stands for a constraint; its remainder is of order P / EA = 1e-7."""
+    found, _ = solve(cantilever, (1e8, 1e8, 1e8, 1, 1, 1), float(P))
+    ref = references["A02a_elastica_tip_force"]["values"][str(P)]
+    error = abs(found[:3] - [ref["u_over_L"], ref["w_over_L"], ref["tip_angle"]]).max()
+    report(f"P = {P}: error {error:.1e}")
+    assert error < 5e-7
+
+
+@pytest.mark.parametrize("case", ["slender10", "slender100"])
+@pytest.mark.parametrize("P", range(1, 11))
+def test_with_shear_and_stretch(cantilever, references, report, case, P):
+    """All ten loads of two thick rods: place, director angle and energy of the tip."""
+    data = references[f"A02b_elastica_{case}"]
+    found, _ = solve(cantilever, data["data"]["stiffness"], float(P))
+    ref = data["values"][str(P)]
+    error = abs(found / [ref["u"], ref["w"], ref["director_angle"], ref["energy"]] - 1).max()
+    report(f"{case}, P = {P}: relative error {error:.1e}")
+    assert error < 1e-8
+
+
+@pytest.mark.parametrize(("order", "counts"), [(1, (16, 32, 64)), (2, (8, 16, 32)), (3, (4, 8, 16)), (4, (3, 6, 12))])
+def test_order(cantilever, references, report, order_of, order, counts):
+    data = references["A02b_elastica_slender100"]
+    ref = data["values"]["10"]
+    errors = [
+        abs(solve(cantilever, data["data"]["stiffness"], 10.0, n_elements=n, order=order)[0][1] - ref["w"])
+        for n in counts
+    ]
+    found = order_of(counts, errors)
+    report(f"p{order}: errors {', '.join(f'{e:.1e}' for e in errors)}, order {found:.2f}")
+    assert found > 2 * order - 0.5
