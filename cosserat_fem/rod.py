@@ -45,6 +45,7 @@ class Rod:
     rest : "straight", "as_drawn", (3,), (K, 3) or function of s -> (3,)
         Stress-free shape: straight and untwisted; the drawn shape (scaled if `length` differs); or curvature and twist
         (bend 1, bend 2, twist) [1/m] about d1, d2, d3, constant, at K evenly spaced places (linear between) or s -> (3,).
+        Turns are right-handed: bend 1 > 0 turns d3 towards -d2, bend 2 > 0 turns d3 towards d1.
     start_tangent, end_tangent : (3,), optional
         Directions of the drawn curve at its ends (clamped ends: the direction of the clamp).
     normal, end_normal : (3,), optional

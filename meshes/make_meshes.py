@@ -41,6 +41,8 @@ def main():
         surface = surface.extract_surface(algorithm="dataset_surface")
         surface.save(HERE / f"{name}.stl")
         shutil.copy(HERE / f"{name}.stl", SCENES / f"{name}.stl")
+        surface.points = surface.points[:, [2, 0, 1]]  # the same hinge with its axis along x
+        surface.save(HERE / f"{name}_x.stl")
     points = np.array([(x, y, 0.0) for x, y in ROUTE])
     edges = np.stack([np.arange(len(points) - 1), np.arange(1, len(points))], axis=1)
     meshio.Mesh(points, [("line", edges)]).write(HERE / "hinge_route.vtu", binary=False)
