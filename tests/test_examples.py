@@ -2,6 +2,7 @@
 
 import csv
 import pathlib
+import re
 import runpy
 
 import numpy as np
@@ -59,6 +60,17 @@ def test_princeton_beam():
     """Collocation at 45 deg: 8.88740 mm, 109.03588 mm, 1.664822 deg."""
     rows = run_script("princeton_beam.py")
     np.testing.assert_allclose(rows[3], [8.887396e-3, 109.035877e-3, 1.664822], rtol=1e-6)
+
+
+def test_readme():
+    """The README's Python example runs as printed."""
+    text = (EXAMPLES.parent / "README.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    names = {}
+    exec(code, names)
+    torque = names["history"].hinge_torque("arm")
+    assert len(torque) == 91
+    assert np.isfinite(torque).all()
 
 
 def test_every_example_is_tested():

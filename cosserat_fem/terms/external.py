@@ -163,6 +163,13 @@ class PointLoad:
         return nodal_load(state, space, node, np.ones(1), force, moment, (self.follower, self.follower), False, tangent)
 
 
+def cross_matrix(v: np.ndarray) -> np.ndarray:
+    """Matrices (n, 3, 3) that take x to v x x, for v (n, 3)."""
+    S = np.zeros((len(v), 3, 3))
+    S[:, 2, 1], S[:, 0, 2], S[:, 1, 0] = v[:, 0], v[:, 1], v[:, 2]
+    return S - S.transpose(0, 2, 1)
+
+
 def nodal_load(
     state: State,
     space: Space,
@@ -182,7 +189,8 @@ def nodal_load(
     if not varies:
         g[:, 0, :3] = -weights[:, None] * force
         return Blocks(nodes[:, None], g)
-    R, H = matrix_from_quaternion(state.q[nodes]), space.spin_axes(state, nodes)
+    R = matrix_from_quaternion(state.q[nodes])
+    H = space.spin_axes(state, nodes)
     F = R @ force if follows[0] else np.tile(force, (n, 1))
     M = R @ moment if follows[1] else np.tile(moment, (n, 1))
     d3 = R[:, :, 2]
@@ -192,17 +200,13 @@ def nodal_load(
     if not tangent:
         return Blocks(nodes[:, None], g)
     K = np.zeros((n, 6, 6))
-    turned = np.moveaxis(np.cross(H[:, :, :, None], H[:, :, None, :], axis=1), 1, -1)  # [n, j, i] = h_j x h_i
-    for j in range(3):
-        h = H[:, :, j]
-        if follows[0]:
-            K[:, :3, 3 + j] = np.cross(h, F)
-        elif drop_normal:
-            d = np.cross(h, d3)
-            K[:, :3, 3 + j] = -(F * d).sum(-1, keepdims=True) * d3 - along * d
-        for i in range(3):
-            part = 0.5 if state.angles is None else float(j < i)
-            K[:, 3 + i, 3 + j] = part * (turned[:, j, i] * M).sum(-1)
-            if follows[1]:
-                K[:, 3 + i, 3 + j] += (H[:, :, i] * np.cross(h, M)).sum(-1)
+    if follows[0]:
+        K[:, :3, 3:] = -cross_matrix(F) @ H
+    elif drop_normal:
+        d = -cross_matrix(d3) @ H  # columns h_j x d3
+        K[:, :3, 3:] = -d3[:, :, None] * (F[:, None] @ d) - along[:, :, None] * d
+    if any_moment:
+        part = np.full((3, 3), 0.5) if state.angles is None else np.tri(3, k=-1)
+        # M . (h_j x h_i) = [H^T (M x) H]_ij, and h_i . (h_j x M) is its negative
+        K[:, 3:, 3:] = (part - float(follows[1])) * (H.transpose(0, 2, 1) @ cross_matrix(M) @ H)
     return Blocks(nodes[:, None], g, -weights[:, None, None] * K)
