@@ -23,11 +23,18 @@ _HOMES = {
     "Gravity": "terms",
     "LineLoad": "terms",
     "PointLoad": "terms",
+    "Damping": "terms",
+    "Drag": "terms",
+    "Electrostatic": "terms",
     "Model": "model",
     "State": "space",
     "History": "history",
     "solve_static": "statics",
     "solve_quasistatic": "statics",
+    "solve_dynamic": "dynamics",
+    "AdaptiveStep": "dynamics",
+    "FixedStep": "dynamics",
+    "RigidVelocity": "dynamics",
     "bend_radius": "checks",
     "distance_from_drawing": "checks",
     "to_pyvista": "export",
@@ -50,6 +57,7 @@ __all__ = sorted(_HOMES)
 if TYPE_CHECKING:
     from .checks import bend_radius, distance_from_drawing
     from .curve import CurveGeometry, curve_geometry, rebuild_curve
+    from .dynamics import AdaptiveStep, FixedStep, RigidVelocity, solve_dynamic
     from .errors import ConvergenceError, CosseratError, KardanError, MeshError, SceneError
     from .export import to_meshio, to_pyvista
     from .history import History
@@ -62,7 +70,7 @@ if TYPE_CHECKING:
     from .space import State
     from .statics import solve_quasistatic, solve_static
     from .support import Clamp, Pin, Weld
-    from .terms import Gravity, LineLoad, PointLoad
+    from .terms import Damping, Drag, Electrostatic, Gravity, LineLoad, PointLoad
 
 
 def __getattr__(name: str) -> Any:

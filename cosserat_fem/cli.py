@@ -45,6 +45,14 @@ def main(arguments: list[str] | None = None) -> int:
         return STOPPED
     except BrokenPipeError:  # the reader of our output went away
         return OK
+    except MemoryError as error:
+        from .errors import out_of_memory
+
+        say_wrong(out_of_memory(error))
+        return STOPPED
+    except OSError as error:
+        say_wrong(f"{error.filename or 'input or output'}: {error.strerror or error}.")
+        return STOPPED
     return result if isinstance(result, int) else OK
 
 
@@ -105,14 +113,15 @@ def run(
     out
         Folder for the results; default is the scene's own, or out/<name of the scene>.
     force
-        Write into a folder that holds other files too; they are left alone.
+        Write into a folder that holds other files too; they are left alone. Files of an earlier run are replaced.
     pictures
         Make plots and pictures when the results are safe.
     quiet
         Print nothing but faults.
     """
     from .errors import SceneError
-    from .run import Phases, draw, run_scene
+    from .folder import RunFolder
+    from .run import Phases, run_scene
 
     tell = (lambda text="": None) if quiet else say
     phases = Phases()
@@ -122,20 +131,76 @@ def run(
         return WRONG
     tell(loaded.title)
     try:
-        with _Progress(len(loaded.times), quiet) as progress:
-            outcome = run_scene(loaded, out, force=force, progress=progress, announce=tell, phases=phases)
+        with RunFolder(loaded.folder if out is None else out, loaded.inputs, force=force) as folder:
+            with _Progress(len(loaded.times), quiet) as progress:
+                outcome = run_scene(loaded, folder, progress=progress, announce=tell, phases=phases)
+            return _finish(
+                outcome, tell, pictures=pictures and loaded.tables.output.pictures, skip=progress.interrupted
+            )
     except SceneError as error:
         _tell_faults(error.faults)
         return WRONG
+
+
+@app.command
+def resume(
+    folder: pathlib.Path,
+    *,
+    pictures: bool = True,
+    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
+) -> int:
+    """Go on with a run in time that was stopped or killed, from its last checkpoint.
+
+    Parameters
+    ----------
+    folder
+        Folder of the run.
+    pictures
+        Make plots and pictures when the results are safe.
+    quiet
+        Print nothing but faults.
+    """
+    from .errors import SceneError
+    from .run import resume_scene
+
+    tell = (lambda text="": None) if quiet else say
+    try:
+        with _Progress(0, quiet) as progress:
+            outcome = resume_scene(folder, progress=progress, announce=tell)
+        return _finish(outcome, tell, pictures=pictures, skip=progress.interrupted)
+    except SceneError as error:
+        _tell_faults(error.faults)
+        return WRONG
+
+
+def _finish(outcome: Any, tell: Callable[[str], None], *, pictures: bool, skip: bool) -> int:
+    """Say what a run found and where it is; then the pictures. Exit code."""
     if outcome.history is not None:
         _tell_results(outcome.history, tell)
-    tell(f"Results in {outcome.folder}")
+    if outcome.complete:
+        tell(f"Results in {outcome.folder}")
+    elif outcome.written:
+        tell(f"Incomplete results in {outcome.folder}: {', '.join(outcome.written)}")
     if outcome.reason:
         say_wrong(f"stopped: {outcome.reason}")
-    if outcome.history is not None and pictures and loaded.tables.output.pictures:
-        problem = draw(outcome.folder)
-        tell(f"Pictures in {outcome.folder / 'pictures'}" if not problem else f"No pictures: {problem}")
+    if pictures and outcome.complete:
+        return _draw(outcome.folder, tell, skip=skip) or (STOPPED if outcome.reason else OK)
     return STOPPED if outcome.reason else OK
+
+
+def _draw(folder: pathlib.Path, tell: Callable[[str], None], *, skip: bool) -> int:
+    """Pictures of a finished run; exit code 1 if Ctrl-C ended them."""
+    from .run import draw
+
+    try:
+        if skip:
+            raise KeyboardInterrupt
+        problem = draw(folder).problem
+    except KeyboardInterrupt:
+        say_wrong(f"no pictures: interrupted. All results are written; `cosserat-fem render {folder}` draws them.")
+        return STOPPED
+    tell(f"Pictures in {folder / 'pictures'}" if not problem else f"No pictures: {problem}")
+    return OK
 
 
 def _tell_results(history: Any, tell: Callable[[str], None]) -> None:
@@ -157,10 +222,13 @@ def _tell_results(history: Any, tell: Callable[[str], None]) -> None:
 
 
 class _Progress:
-    """A bar on a terminal, a line every few seconds elsewhere; the first Ctrl-C asks for a stop after this station."""
+    """A bar on a terminal, a line every few seconds elsewhere; `interrupted` after Ctrl-C.
+
+    The first Ctrl-C asks for a stop after this station, the second stops at once, as the first does if there is only one.
+    """
 
     def __init__(self, total: int, quiet: bool) -> None:
-        self.total, self.quiet, self._stop, self._last = total, quiet, False, time.monotonic()
+        self.total, self.quiet, self.interrupted, self._last = total, quiet, False, time.monotonic()
         self._bar: Any = None
         self._before: Any = None
 
@@ -184,9 +252,10 @@ class _Progress:
             signal.signal(signal.SIGINT, self._before)
 
     def _interrupt(self, *_: object) -> None:
-        if self._stop:
+        if self.interrupted or self.total == 1:
+            self.interrupted = True
             raise KeyboardInterrupt
-        self._stop = True
+        self.interrupted = True
 
     def __call__(self, done: int, total: int) -> bool:
         if self._bar is not None:
@@ -194,7 +263,7 @@ class _Progress:
         elif not self.quiet and time.monotonic() - self._last > 5:
             self._last = time.monotonic()
             say(f"  {done} of {total} stations")
-        return self._stop
+        return self.interrupted
 
 
 @app.command
@@ -264,14 +333,29 @@ def export(folder: pathlib.Path, *, format: str = "pvd") -> int:
         say_wrong(f"format {format!r} is unknown. {nearest(format, ['pvd'])}")
         return WRONG
     try:
+        if (folder / "frames.bin").is_file() and not (folder / "history.vtkhdf").is_file():
+            from .run import rebuild
+
+            say(f"{len(rebuild(folder))} states rebuilt from frames")
+        if not _is_run(folder):
+            return WRONG
         say(str(export_pvd(folder)))
     except CosseratError as error:
         say_wrong(str(error))
         return WRONG
     except OSError as error:
         say_wrong(f"{folder}: cannot be written: {error.strerror}.")
-        return WRONG
+        return STOPPED
     return OK
+
+
+def _is_run(folder: pathlib.Path) -> bool:
+    """True if there is a history to read, else say so."""
+    if (folder / "history.vtkhdf").is_file():
+        return True
+    missing = "there is no such folder" if not folder.exists() else "is not the folder of a run (no history.vtkhdf)"
+    say_wrong(f"{folder}: {missing}.")
+    return False
 
 
 @app.command
@@ -296,12 +380,11 @@ def render(
     film
         All states as a film (MP4 with the extra `movie`, else WebP).
     out
-        File to write; default is in the run's folder pictures.
+        File to write (.png, .jpg, ...; alone: the last state); default is in the run's folder pictures.
     """
     from .run import draw
 
-    if not (folder / "history.vtkhdf").is_file():
-        say_wrong(f"{folder}: is not the folder of a run (no history.vtkhdf).")
+    if not _is_run(folder):
         return WRONG
     arguments = []
     for name, value in (("--step", step), ("--field", field), ("--out", out)):
@@ -309,11 +392,15 @@ def render(
             arguments.append(f"{name}={value}")
     if film:
         arguments.append("--film")
-    problem = draw(folder, *arguments)
-    if problem:
-        say_wrong(problem)
-        return WRONG if "unknown" in problem or "step" in problem else STOPPED
-    say(f"Pictures in {out or folder / 'pictures'}")
+    made = draw(folder, *arguments)
+    if made.problem:
+        say_wrong(made.problem)
+        return WRONG if made.wrong else STOPPED
+    if arguments:
+        for path in made.paths:
+            say(f"{'Film' if film else 'Picture'} in {path}")
+    else:
+        say(f"Pictures in {folder / 'pictures'}")
     return OK
 
 
@@ -332,7 +419,8 @@ def info() -> int:
     import platform
     from importlib import metadata
 
-    from .run import PACKAGES, PROGRAM
+    from .folder import PROGRAM
+    from .run import PACKAGES
 
     say(f"{PROGRAM} {metadata.version(PROGRAM)}")
     say(f"python {platform.python_version()} on {platform.platform()}")
@@ -340,5 +428,6 @@ def info() -> int:
         say(f"{package} {metadata.version(package)}")
     from .kernels.condense import assemble
 
-    say(f"compiled kernels in {assemble._cache.cache_path}")
+    kept = getattr(assemble._cache, "cache_path", None)
+    say(f"compiled kernels in {kept}" if kept else "compiled kernels are not kept: no folder for them can be written")
     return OK

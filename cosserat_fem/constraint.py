@@ -113,6 +113,24 @@ class Constraints:
             axes[rows] = R @ self._frame[rows]
         return Targets(place, attitude, quaternion_from_matrix(attitude), axes)
 
+    def driven(self, t: float, *, before: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity and acceleration (supports, 6) of the supported places at (or just before) time t.
+
+        Translation in space [m/s, m/s^2], rotation in the axes of the held section [rad/s, rad/s^2].
+        """
+        velocity, acceleration = np.zeros((self.n_supports, 6)), np.zeros((self.n_supports, 6))
+        for part, rows in self._moving.items():
+            R, _ = part.pose(t)
+            rates = part.rates(t, before=before)
+            arm = self._drawn_r[rows] @ R.T
+            swept = np.cross(rates.omega, arm)
+            velocity[rows, :3] = swept + rates.c_rate
+            acceleration[rows, :3] = np.cross(rates.alpha, arm) + np.cross(rates.omega, swept) + rates.c_acceleration
+            attitude = R @ self._drawn_R[rows]
+            velocity[rows, 3:] = rates.omega @ attitude
+            acceleration[rows, 3:] = rates.alpha @ attitude
+        return velocity, acceleration
+
     def part_way(self, state: State, targets: Targets, part: float) -> Targets:
         """Targets between where a state is and where it must go."""
         place = (1 - part) * state.r[self.support_node] + part * targets.place

@@ -8,7 +8,10 @@ when things are put together.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+import io
+import warnings
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -111,6 +114,29 @@ def one_line(error: BaseException, length: int = 160) -> str:
     """A library's message on one line, without its last full stop."""
     text = " ".join(str(error).split()).rstrip(".")
     return text if len(text) <= length else text[: length - 3] + "..."
+
+
+def out_of_memory(error: MemoryError) -> str:
+    """A MemoryError in one line."""
+    said = f" ({one_line(error)})" if str(error) else ""
+    return f"out of memory{said}. Use fewer elements or stations."
+
+
+@contextmanager
+def silenced() -> Iterator[None]:
+    """Keep the readers of files quiet (VTK's lines, meshio's prints, warnings): the caller says the fault, once."""
+    from vtkmodules.vtkCommonCore import vtkLogger, vtkObject
+
+    shown, logged = vtkObject.GetGlobalWarningDisplay(), vtkLogger.GetCurrentVerbosityCutoff()
+    vtkObject.SetGlobalWarningDisplay(0)
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
+    try:
+        with warnings.catch_warnings(), redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        vtkObject.SetGlobalWarningDisplay(shown)
+        vtkLogger.SetStderrVerbosity(logged)
 
 
 def _short(value: Any) -> str:

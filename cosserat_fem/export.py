@@ -1,8 +1,8 @@
 """How does ParaView read it? VTKHDF histories, VTU + PVD, CSV.
 
 Rule: an exporter reads a `History` (or a history file) and writes one file under a temporary name, put in place by
-`os.replace`: a full disk or a killed process never leaves a file that looks complete and is not. HDF5 files in
-particular do not survive a full disk.
+`os.replace`: a full disk or a killed process never leaves a file that looks complete and is not. HDF5 files are made in
+memory and written by Python, because the HDF5 library does not survive a full disk.
 
 One transient VTKHDF file of type PolyData holds all rods: two-node line cells between neighbouring nodes. An element of
 order p has p of them and p Gauss points, which lie one in each (zeros of P_p separate the Gauss-Lobatto nodes), so cell
@@ -27,7 +27,7 @@ import numpy as np
 
 from .errors import CosseratError
 from .history import History
-from .mechanism import Hinge
+from .mechanism import Hinge, Part
 from .rod import Rod
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 UNITS = {
     "displacement": "m",
+    "velocity": "m/s",
     "d1": "-",
     "d2": "-",
     "d3": "-",
@@ -105,6 +106,8 @@ def _rod_fields(history: History, rod: Rod, index: int) -> Fields:
         "s": np.tile(s, (T, 1)),
         "rod": np.full((T, N), index, dtype=np.int32),
     }
+    if history.dynamic:
+        nodes["velocity"] = history.velocities(rod)[..., :3]
     lines = np.stack([np.arange(N - 1), np.arange(1, N)], axis=1)
     return Fields(points, lines, nodes, cells)
 
@@ -133,14 +136,17 @@ def write_history(history: History, path: str | os.PathLike[str]) -> None:
     _write_vtkhdf(path, history.t, data.points, connectivity, data.point_data, data.cell_data, {"rods": rods})
 
 
-def write_parts(history: History, path: str | os.PathLike[str]) -> None:
-    """Write the meshes of all parts, moving with their parts, as one transient VTKHDF file; nothing if no part has one."""
+def write_parts(history: History, path: str | os.PathLike[str], parts: Sequence[Part] | None = None) -> None:
+    """Write the meshes of parts, moving with them, as one transient VTKHDF file; nothing if no part has one.
+
+    parts: default those that hold a rod.
+    """
     points: list[np.ndarray] = []
     triangles: list[np.ndarray] = []
     index: list[np.ndarray] = []
     names: list[str] = []
     n = 0
-    for part in history.model.parts:
+    for part in history.model.parts if parts is None else parts:
         if part.mesh is None:
             continue
         X, faces = part.read_mesh()
@@ -170,38 +176,37 @@ def _write_vtkhdf(
     import h5py
 
     T, N = points.shape[:2]
-
-    def write(temporary: pathlib.Path) -> None:
-        with h5py.File(temporary, "w", libver=("earliest", "v110")) as file:
-            file.attrs["cosserat_fem"] = json.dumps(about)
-            root = file.create_group("VTKHDF")
-            root.attrs["Version"] = np.array([2, 0], dtype=np.int64)
-            root.attrs.create("Type", np.bytes_("PolyData"))
-            root["NumberOfPoints"] = np.array([N], dtype=np.int64)
-            _put(root, "Points", points.astype(np.float64), "m")
-            for kind in ("Vertices", "Lines", "Polygons", "Strips"):
-                ids, offsets = connectivity.get(kind, (np.empty(0), np.zeros(1)))
-                group = root.create_group(kind)
-                group["NumberOfConnectivityIds"] = np.array([len(ids)], dtype=np.int64)
-                group["NumberOfCells"] = np.array([len(offsets) - 1], dtype=np.int64)
-                group["Offsets"] = offsets.astype(np.int64)
-                group["Connectivity"] = ids.astype(np.int64)
-            steps = root.create_group("Steps")
-            steps.attrs["NSteps"] = np.int64(T)
-            steps["Values"] = np.asarray(t, dtype=float)
-            steps["PartOffsets"] = np.zeros(T, dtype=np.int64)
-            steps["NumberOfParts"] = np.ones(T, dtype=np.int64)
-            steps["PointOffsets"] = N * np.arange(T, dtype=np.int64)
-            for name in ("CellOffsets", "ConnectivityIdOffsets"):
-                steps[name] = np.zeros((T, 4), dtype=np.int64)
-            for kind, values in (("PointData", point_data), ("CellData", cell_data)):
-                group, offsets = root.create_group(kind), steps.create_group(f"{kind}Offsets")
-                for name, array in values.items():
-                    dtype = np.float32 if array.dtype.kind == "f" else array.dtype
-                    _put(group, name, array.astype(dtype), UNITS.get(name, "index"))
-                    offsets[name] = array.shape[1] * np.arange(T, dtype=np.int64)
-
-    replace_file(pathlib.Path(path), write)
+    with h5py.File("memory", "w", libver=("earliest", "v110"), driver="core", backing_store=False) as file:
+        file.attrs["cosserat_fem"] = json.dumps(about)
+        root = file.create_group("VTKHDF")
+        root.attrs["Version"] = np.array([2, 0], dtype=np.int64)
+        root.attrs.create("Type", np.bytes_("PolyData"))
+        root["NumberOfPoints"] = np.array([N], dtype=np.int64)
+        _put(root, "Points", points.astype(np.float64), "m")
+        for kind in ("Vertices", "Lines", "Polygons", "Strips"):
+            ids, offsets = connectivity.get(kind, (np.empty(0), np.zeros(1)))
+            group = root.create_group(kind)
+            group["NumberOfConnectivityIds"] = np.array([len(ids)], dtype=np.int64)
+            group["NumberOfCells"] = np.array([len(offsets) - 1], dtype=np.int64)
+            group["Offsets"] = offsets.astype(np.int64)
+            group["Connectivity"] = ids.astype(np.int64)
+        steps = root.create_group("Steps")
+        steps.attrs["NSteps"] = np.int64(T)
+        steps["Values"] = np.asarray(t, dtype=float)
+        steps["PartOffsets"] = np.zeros(T, dtype=np.int64)
+        steps["NumberOfParts"] = np.ones(T, dtype=np.int64)
+        steps["PointOffsets"] = N * np.arange(T, dtype=np.int64)
+        for name in ("CellOffsets", "ConnectivityIdOffsets"):
+            steps[name] = np.zeros((T, 4), dtype=np.int64)
+        for kind, values in (("PointData", point_data), ("CellData", cell_data)):
+            group, offsets = root.create_group(kind), steps.create_group(f"{kind}Offsets")
+            for name, array in values.items():
+                dtype = np.float32 if array.dtype.kind == "f" else array.dtype
+                _put(group, name, array.astype(dtype), UNITS.get(name, "index"))
+                offsets[name] = array.shape[1] * np.arange(T, dtype=np.int64)
+        file.flush()
+        image = file.id.get_file_image()
+    replace_file(pathlib.Path(path), lambda temporary: temporary.write_bytes(image))
 
 
 def _put(group: h5py.Group, name: str, array: np.ndarray, unit: str) -> None:
@@ -240,8 +245,10 @@ def read_history(path: str | os.PathLike[str]) -> Stored:
             )
             about = json.loads(file.attrs["cosserat_fem"])
             return Stored(np.asarray(root["Steps/Values"]), stored, about)
-    except (OSError, KeyError, ValueError) as error:
-        raise CosseratError(f"{os.fspath(path)}: is not a history file of this program: {error}.") from None
+    except FileNotFoundError:
+        raise CosseratError(f"{os.fspath(path)}: there is no such file.") from None
+    except (OSError, KeyError, ValueError, TypeError, IndexError):  # h5py's own words help nobody
+        raise CosseratError(f"{os.fspath(path)}: is not a history file of this program, or is damaged.") from None
 
 
 def to_pyvista(history: History, step: int = -1) -> pyvista.PolyData:
@@ -332,6 +339,15 @@ def write_hinge_torque(history: History, path: str | os.PathLike[str]) -> None:
         angles, torque = np.degrees(history.hinge_angle(part)), history.hinge_torque(part)
         rows += [[t, part.name, a, m] for t, a, m in zip(history.t, angles, torque, strict=True)]
     write_csv(path, ["time", "part", "angle_deg", "torque"], rows)
+
+
+def write_ledger(history: History, path: str | os.PathLike[str]) -> None:
+    """CSV of energies, works and momenta of a run in time: time [s], [J], [kg m/s], [kg m^2/s] about the origin."""
+    ledger = history.ledger
+    linear, angular = history.momentum
+    names = [*ledger, *(f"p{c}" for c in "xyz"), *(f"L{c}" for c in "xyz")]
+    rows = np.column_stack([history.t, *ledger.values(), linear, angular])
+    write_csv(path, ["time", *names], rows.tolist())
 
 
 def hinged_parts(history: History) -> list:

@@ -20,17 +20,25 @@ from .newton import Counters
 from .rod import Rod
 from .space import State
 from .support import Support
+from .terms.inertial import Rates
+
+LEDGER = 0.01  # part of the largest energy that may be missing without a warning
 
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """One accepted state: reactions (supports, 6), iterations, relative residual, negative eigenvalues or -1."""
+    """One accepted state: reactions (supports, 6), iterations, relative residual, negative eigenvalues or -1.
+
+    Of a run in time also the rates, and the work [J] done since the start by each term and by driven ends.
+    """
 
     state: State
     reactions: np.ndarray
     iterations: int
     residual: float
     negative: int
+    rates: Rates | None = None
+    work: dict[str, float] | None = None
 
 
 @dataclass(eq=False)
@@ -44,6 +52,9 @@ class History:
     message : str
         What happened, in words.
     counters : Counters
+    steps : list of (t at the end [s], length [s], error in parts of the allowed one, accepted), of a run in time
+    extrapolated : float, optional
+        Distance between the two runs of a Richardson extrapolation, divided by 3: the error of the finer one.
     """
 
     model: Model
@@ -51,6 +62,8 @@ class History:
     status: Literal["converged", "stopped"] = "converged"
     message: str = ""
     counters: Counters = field(default_factory=Counters)
+    steps: list[tuple[float, float, float, bool]] = field(default_factory=list)
+    extrapolated: float | None = None
 
     def __repr__(self) -> str:
         span = f"t = {self.t[0]:g} .. {self.t[-1]:g} s, " if self.records else ""
@@ -177,6 +190,84 @@ class History:
             strain = self.strains(rod)
             total += 0.5 * np.einsum("tqi,qij,tqj,q->t", strain, C, strain, group.dx[view.elements].ravel())
         return total
+
+    @property
+    def dynamic(self) -> bool:
+        """True if this is a run in time, with velocities."""
+        return bool(self.records) and self.records[0].rates is not None
+
+    def velocities(self, rod: Rod | str) -> np.ndarray:
+        """Node velocities (T, N, 6): of the place in space [m/s], angular in the section's axes [rad/s]."""
+        return self._rates(rod, "v")
+
+    def accelerations(self, rod: Rod | str) -> np.ndarray:
+        """Node accelerations (T, N, 6): of the place in space [m/s^2], angular in the section's axes [rad/s^2]."""
+        return self._rates(rod, "a")
+
+    def _rates(self, rod: Rod | str, name: str) -> np.ndarray:
+        self._need_rates()
+        nodes = self.model.space[self.rod(rod)].nodes
+        return np.array([getattr(record.rates, name)[nodes] for record in self.records])
+
+    def _need_rates(self) -> None:
+        if not self.dynamic:
+            raise ValueError("history: has no velocities; it is not a run in time.")
+
+    @property
+    def kinetic_energy(self) -> np.ndarray:
+        """Kinetic energy (T,) [J] of all rods."""
+        self._need_rates()
+        space = self.model.space
+        v = np.array([record.rates.v for record in self.records if record.rates is not None])
+        return 0.5 * (
+            (v[..., :3] ** 2).sum(-1) @ space.node_mass + (v[..., 3:] ** 2 * space.node_inertia).sum((-2, -1))
+        )
+
+    @property
+    def momentum(self) -> tuple[np.ndarray, np.ndarray]:
+        """Linear [kg m/s] and angular [kg m^2/s] momentum (T, 3) of all rods, the latter about the origin."""
+        self._need_rates()
+        space = self.model.space
+        linear, angular = [], []
+        for record in self.records:
+            v = record.rates.v  # type: ignore[union-attr]
+            p = space.node_mass[:, None] * v[:, :3]
+            spin = np.einsum("nij,nj->ni", matrix_from_quaternion(record.state.q), space.node_inertia * v[:, 3:])
+            linear.append(p.sum(0))
+            angular.append((np.cross(record.state.r, p) + spin).sum(0))
+        return np.array(linear), np.array(angular)
+
+    @property
+    def ledger(self) -> dict[str, np.ndarray]:
+        """Energies and works (T,) [J] since the first kept state, of a run in time.
+
+        "kinetic" and "strain" are energies; then the work done on the rods by each term (weight, loads; negative for
+        what dampers and drag take) and by "driven ends"; "integrator" is what the steps added: energy minus works.
+        """
+        self._need_rates()
+        kinetic, strain = self.kinetic_energy, self.energy
+        works = {
+            name: np.array([record.work[name] - self.records[0].work[name] for record in self.records])  # type: ignore[index]
+            for name in self.records[0].work or {}
+        }
+        total = kinetic + strain
+        missing = total - total[0] - sum(works.values())
+        return {"kinetic": kinetic, "strain": strain, **works, "integrator": missing}
+
+    @property
+    def ledger_gap(self) -> float:
+        """Largest energy that the integrator added or took, in parts of the largest energy or work in the run."""
+        ledger = self.ledger
+        missing = np.abs(ledger.pop("integrator")).max()
+        return float(missing / max(max(np.abs(v).max() for v in ledger.values()), 1e-300))
+
+    def check_ledger(self) -> None:
+        """Warn if the energy ledger does not close."""
+        if len(self.records) > 1 and self.ledger_gap > LEDGER:
+            self.model.warn(
+                f"energy ledger: the integrator added or took {100 * self.ledger_gap:.2g} % of the largest energy or work. "
+                "Smaller steps (rtol or dt) close it; rho_inf below 1 damps motions that the steps cannot resolve."
+            )
 
     @property
     def stable(self) -> list[bool | None]:

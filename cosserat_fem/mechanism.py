@@ -14,9 +14,10 @@ from math import ceil, pi
 from typing import Any, Protocol
 
 import numpy as np
+from scipy.spatial.transform import Rotation, RotationSpline
 
 from .curve import unit
-from .errors import MeshError, check_name, check_positive, check_shape, one_line
+from .errors import MeshError, check_name, check_positive, check_shape, one_line, silenced
 from .kernels.rotation import (
     conjugate,
     matrix_from_quaternion,
@@ -25,7 +26,30 @@ from .kernels.rotation import (
     quaternion_from_vector,
     relative_rotation,
 )
-from .schedule import Schedule
+from .schedule import DIFFERENCE, Schedule
+from .table import read_table
+
+
+@dataclass(frozen=True, eq=False)
+class RigidRates:
+    """Velocity and acceleration of a rigid body, in space: of the point X (drawn place), x = R X + c,
+
+    x' = omega x R X + c_rate and x'' = alpha x R X + omega x (omega x R X) + c_acceleration.  [rad/s, rad/s^2, m/s, m/s^2]
+    """
+
+    omega: np.ndarray
+    alpha: np.ndarray
+    c_rate: np.ndarray
+    c_acceleration: np.ndarray
+
+
+def _about(point: np.ndarray, omega: np.ndarray, alpha: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rates of c that keep the turned point R X in place: minus the velocity and acceleration of R X."""
+    swept = np.cross(omega, point)
+    return -swept, -np.cross(alpha, point) - np.cross(omega, swept)
+
+
+SAMPLES = 65  # places at which a motion given as a function is looked at between two stations
 
 
 class Motion(Protocol):
@@ -37,6 +61,20 @@ class Motion(Protocol):
 
     def stages(self, t0: float, t1: float) -> int:
         """Into how many steps t0..t1 must be cut so that no step turns by more than a quarter turn."""
+        ...
+
+    def rates(self, t: float, *, before: bool = False) -> RigidRates:
+        """Velocity and acceleration at time t; at a kink those that follow it, or come before it."""
+        ...
+
+    @property
+    def kinks(self) -> np.ndarray:
+        """Times (K,) [s] at which the velocity may jump."""
+        ...
+
+    @property
+    def drawn_at(self) -> float:
+        """Time [s] at which the part stands as drawn."""
         ...
 
 
@@ -51,17 +89,20 @@ class Hinge:
     axis : (3,)
         Direction, any length; the angle is right-handed about it.
     angle : rate [rad/s], (times, angles [rad]) or function of t
+    smooth : bool
+        A table is a cubic spline that starts and ends at rest, instead of linear (which jumps in velocity).
     """
 
     point: Any
     axis: Any
     angle: Any
+    smooth: bool = False
     schedule: Schedule = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "point", check_shape("hinge: point", self.point, (3,)))
         object.__setattr__(self, "axis", unit("hinge: axis", self.axis))
-        object.__setattr__(self, "schedule", Schedule("hinge: angle", self.angle, rate=True))
+        object.__setattr__(self, "schedule", Schedule("hinge: angle", self.angle, rate=True, smooth=self.smooth))
 
     def angle_at(self, t: float) -> float:
         """Angle [rad] at time t."""
@@ -74,6 +115,20 @@ class Hinge:
     def stages(self, t0: float, t1: float) -> int:
         return max(1, ceil(abs(self.angle_at(t1) - self.angle_at(t0)) / (pi / 2) - 1e-9))
 
+    def rates(self, t: float, *, before: bool = False) -> RigidRates:
+        first, second = self.schedule.rates(t, before=before)
+        omega, alpha = first * self.axis, second * self.axis
+        R = matrix_from_vector(self.angle_at(t) * self.axis)
+        return RigidRates(omega, alpha, *_about(R @ self.point, omega, alpha))
+
+    @property
+    def drawn_at(self) -> float:
+        return 0.0 if self.schedule.times is None else float(self.schedule.times[0])
+
+    @property
+    def kinks(self) -> np.ndarray:
+        return self.schedule.kinks
+
 
 @dataclass(frozen=True, eq=False)
 class Slider:
@@ -84,21 +139,36 @@ class Slider:
     axis : (3,)
         Direction, any length.
     travel : rate [m/s], (times, distances [m]) or function of t
+    smooth : bool
+        A table is a cubic spline that starts and ends at rest, instead of linear (which jumps in velocity).
     """
 
     axis: Any
     travel: Any
+    smooth: bool = False
     schedule: Schedule = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis", unit("slider: axis", self.axis))
-        object.__setattr__(self, "schedule", Schedule("slider: travel", self.travel, rate=True))
+        object.__setattr__(self, "schedule", Schedule("slider: travel", self.travel, rate=True, smooth=self.smooth))
 
     def pose(self, t: float) -> tuple[np.ndarray, np.ndarray]:
         return np.eye(3), self.schedule.at(t) * self.axis
 
     def stages(self, t0: float, t1: float) -> int:
         return 1
+
+    def rates(self, t: float, *, before: bool = False) -> RigidRates:
+        first, second = self.schedule.rates(t, before=before)
+        return RigidRates(np.zeros(3), np.zeros(3), first * self.axis, second * self.axis)
+
+    @property
+    def drawn_at(self) -> float:
+        return 0.0 if self.schedule.times is None else float(self.schedule.times[0])
+
+    @property
+    def kinks(self) -> np.ndarray:
+        return self.schedule.kinks
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,12 +181,16 @@ class Path:
         Place and attitude (w, x, y, z) of any frame fixed to the part. Only its change from the first row (from t = 0
         for a function) counts, because that is where the part is drawn. Between rows the position is linear and the
         rotation turns at a constant rate the shorter way round. `Path.read` takes a CSV file.
+    smooth : bool
+        Cubic splines through the table for place and rotation, the place starting and ending at rest.
     """
 
     motion: Any
-    _times: np.ndarray | None = field(init=False, repr=False, default=None)
+    smooth: bool = False
+    _times: Any = field(init=False, repr=False, default=None)
     _positions: Any = field(init=False, repr=False, default=None)
     _quaternions: Any = field(init=False, repr=False, default=None)
+    _turns: RotationSpline | None = field(init=False, repr=False, default=None)
     _start: Any = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
@@ -126,7 +200,7 @@ class Path:
         if not isinstance(self.motion, tuple | list) or len(self.motion) != 3:
             raise ValueError("path: give (times, positions, quaternions) or a function of t.")
         times = check_shape("path: times", self.motion[0], (-1,))
-        positions = Schedule("path: position", (times, self.motion[1]), (3,))
+        positions = Schedule("path: position", (times, self.motion[1]), (3,), smooth=self.smooth)
         q = check_shape("path: quaternions", self.motion[2], (len(times), 4))
         size = np.linalg.norm(q, axis=1)
         off = np.flatnonzero(np.abs(size - 1.0) > 1e-3)
@@ -135,25 +209,25 @@ class Path:
         object.__setattr__(self, "_times", times)
         object.__setattr__(self, "_positions", positions)
         object.__setattr__(self, "_quaternions", q / size[:, None])
+        if self.smooth:
+            object.__setattr__(self, "_turns", RotationSpline(times, Rotation.from_quat(q[:, [1, 2, 3, 0]])))
         object.__setattr__(self, "_start", self._frame(times[0]))
 
     @classmethod
-    def read(cls, path: str | os.PathLike[str]) -> Path:
-        """Read a CSV file with the columns time, x, y, z, qw, qx, qy, qz (SI units; a header line is allowed)."""
+    def read(cls, path: str | os.PathLike[str], *, smooth: bool = False) -> Path:
+        """Read a CSV file with the columns time, x, y, z, qw, qx, qy, qz in SI units; a header may name and order them.
+
+        Raises
+        ------
+        MeshError
+            The file cannot be read or is not such a table; the message names the row and the cell.
+        """
+        where = f"path: motion file {os.fspath(path)!r}"
+        table = read_table(path, ("time", "x", "y", "z", "qw", "qx", "qy", "qz"), where)
         try:
-            with open(path, encoding="utf-8") as file:
-                first = file.readline()
-            header = 0 if _is_number(first.split(",")[0]) else 1
-            table = np.loadtxt(path, delimiter=",", skiprows=header, ndmin=2)
-        except OSError as error:
-            raise MeshError(f"path: cannot read {os.fspath(path)!r}: {error.strerror}.") from None
+            return cls((table[:, 0], table[:, 1:4], table[:, 4:]), smooth)
         except ValueError as error:
-            raise MeshError(f"path: {os.fspath(path)!r} is not a table of numbers: {one_line(error)}.") from None
-        if table.shape[1] != 8:
-            raise MeshError(
-                f"path: {os.fspath(path)!r} must have 8 columns time, x, y, z, qw, qx, qy, qz (got {table.shape[1]})."
-            )
-        return cls((table[:, 0], table[:, 1:4], table[:, 4:]))
+            raise MeshError(f"{where}: {str(error).removeprefix('path: ')}") from None
 
     def _frame(self, t: float) -> tuple[np.ndarray, np.ndarray]:
         """Place (3,) and unit quaternion (4,) of the given frame."""
@@ -164,11 +238,18 @@ class Path:
                 raise ValueError(f"path: quaternion at t = {t:g} s has length {np.linalg.norm(q):.4g}; it must be 1.")
             return check_shape(f"path: position at t = {t:g} s", place, (3,)), q / np.linalg.norm(q)
         place = self._positions.at(t)
-        k = int(np.clip(np.searchsorted(self._times, t, side="right") - 1, 0, len(self._times) - 2))
+        if self._turns is not None:
+            return place, self._turns(t).as_quat()[[3, 0, 1, 2]]
+        k, turn = self._piece(t)
         part = (t - self._times[k]) / (self._times[k + 1] - self._times[k])
-        a, b = self._quaternions[k], self._quaternions[k + 1]
-        turn = relative_rotation(a[None], b[None])[0]
-        return place, multiply(a, quaternion_from_vector(np.clip(part, 0.0, 1.0) * turn))
+        return place, multiply(self._quaternions[k], quaternion_from_vector(np.clip(part, 0.0, 1.0) * turn))
+
+    def _piece(self, t: float, *, before: bool = False) -> tuple[int, np.ndarray]:
+        """Row that begins the piece of t, and its rotation vector in the frame."""
+        slack = 1e-9 * (self._times[-1] - self._times[0])
+        t += -slack if before else slack
+        k = int(np.clip(np.searchsorted(self._times, t, side="right") - 1, 0, len(self._times) - 2))
+        return k, relative_rotation(self._quaternions[k][None], self._quaternions[k + 1][None])[0]
 
     def pose(self, t: float) -> tuple[np.ndarray, np.ndarray]:
         (place0, q0), (place, q) = self._start, self._frame(t)
@@ -176,15 +257,54 @@ class Path:
         return R, place - R @ place0
 
     def stages(self, t0: float, t1: float) -> int:
-        if self._times is None:
-            return 1
-        inside = self._times[(self._times > t0) & (self._times < t1)]
+        if self._times is None:  # a function may turn any number of times between two stations
+            inside = np.linspace(t0, t1, SAMPLES)[1:-1]
+        else:
+            inside = self._times[(self._times > t0) & (self._times < t1)]
         stops = [t0, *inside, t1]
         turns = sum(
             float(np.linalg.norm(relative_rotation(self._frame(a)[1][None], self._frame(b)[1][None])))
             for a, b in pairwise(stops)
         )
         return max(1, ceil(turns / (pi / 2) - 1e-9))
+
+    def rates(self, t: float, *, before: bool = False) -> RigidRates:
+        (place0, q0), (_, q) = self._start, self._frame(t)
+        attitude = matrix_from_quaternion(q)
+        if self._times is None:
+            first, second, spin, change = self._differences(t)
+        else:
+            first, second = self._positions.rates(t, before=before)
+            if self._turns is not None:
+                spin, change = self._turns(t, 1), self._turns(t, 2)
+            else:
+                k, turn = self._piece(t, before=before)
+                spin, change = turn / (self._times[k + 1] - self._times[k]), np.zeros(3)
+        omega, alpha = attitude @ spin, attitude @ change  # the frame's spin times itself is zero
+        still = _about(attitude @ matrix_from_quaternion(conjugate(q0)) @ place0, omega, alpha)
+        return RigidRates(omega, alpha, first + still[0], second + still[1])
+
+    def _differences(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Rates of a function of time: of its place, and of its rotation seen in the frame."""
+        h = DIFFERENCE
+        frames = [self._frame(t + k * h) for k in (-2, -1, 0, 1, 2)]
+        here = frames[2][1][None]
+        out = []
+        for f in ([p for p, _ in frames], [relative_rotation(here, q[None])[0] for _, q in frames]):
+            out.append((f[0] - 8 * f[1] + 8 * f[3] - f[4]) / (12 * h))
+            out.append((-f[0] + 16 * f[1] - 30 * f[2] + 16 * f[3] - f[4]) / (12 * h * h))
+        return out[0], out[1], out[2], out[3]
+
+    @property
+    def drawn_at(self) -> float:
+        return 0.0 if self._times is None else float(self._times[0])
+
+    @property
+    def kinks(self) -> np.ndarray:
+        return np.empty(0) if self._times is None or self.smooth else self._times
+
+
+STILL = RigidRates(*np.zeros((4, 3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,6 +329,8 @@ class Part:
 
     def __post_init__(self) -> None:
         check_name("part", self.name)
+        if self.motion is not None and not hasattr(self.motion, "pose"):
+            raise ValueError(f"part {self.name!r}: motion must be a Hinge, Slider or Path (got {self.motion!r}).")
         check_positive(f"part {self.name!r}: mesh_unit", self.mesh_unit)
 
     def pose(self, t: float) -> tuple[np.ndarray, np.ndarray]:
@@ -224,6 +346,18 @@ class Part:
         """Into how many steps t0..t1 must be cut so that no step turns by more than a quarter turn."""
         try:
             return 1 if self.motion is None else self.motion.stages(t0, t1)
+        except ValueError as error:
+            raise ValueError(f"part {self.name!r}: {error}") from None
+
+    @property
+    def drawn_at(self) -> float:
+        """Time [s] at which the part stands as drawn, or nearest to it."""
+        return 0.0 if self.motion is None else self.motion.drawn_at
+
+    def rates(self, t: float, *, before: bool = False) -> RigidRates:
+        """Velocity and acceleration at (or just before) time t."""
+        try:
+            return STILL if self.motion is None else self.motion.rates(t, before=before)
         except ValueError as error:
             raise ValueError(f"part {self.name!r}: {error}") from None
 
@@ -250,7 +384,8 @@ def read_surface(path: str | os.PathLike[str], where: str) -> tuple[np.ndarray, 
     import pyvista
 
     try:
-        surface = pyvista.read(file).extract_surface(algorithm="dataset_surface").triangulate().clean()
+        with silenced():
+            surface = pyvista.read(file).extract_surface(algorithm="dataset_surface").triangulate().clean()
     except Exception as error:  # pyvista and VTK raise many types for files that are not meshes
         raise MeshError(
             f"{where}: mesh file {os.fspath(path)!r} cannot be read as a surface: {one_line(error)}."
@@ -279,11 +414,3 @@ def read_surface(path: str | os.PathLike[str], where: str) -> tuple[np.ndarray, 
     )
     triangles = surface.faces.reshape(-1, 4)[:, 1:].astype(np.int64)
     return np.asarray(surface.points, dtype=float), triangles
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

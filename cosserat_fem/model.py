@@ -8,11 +8,11 @@ once; facts worth a warning are kept in `warnings` and logged.
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix
@@ -22,7 +22,7 @@ from .errors import SceneError, nearest
 from .mechanism import Part
 from .rod import Rod
 from .space import Blocks, Space, State
-from .support import Support, Weld
+from .support import Clamp, Pin, Support, Weld
 from .terms import Term
 from .terms.internal import Additions, Condensed, InternalForce, KardanBeam, QuaternionBeam
 
@@ -39,6 +39,21 @@ class Sum:
     force: float
     moment: float
     negative: int = -1
+
+
+class Step(Protocol):
+    """What a time step adds to a model: inertia, velocity and, with internal damping, other tables of the rods."""
+
+    tables: list[tuple[Any, ...]] | None
+    heaviest: tuple[float, float]  # largest change of a node's inertia force [N/m] and moment [N m/rad]
+
+    def with_velocity(self, state: State) -> State:
+        """The state with its velocity at the end of the step."""
+        ...
+
+    def add(self, state: State, g: np.ndarray, nodal: np.ndarray) -> tuple[float, float]:
+        """Add the inertia force to g and its tangent to nodal, if that is not empty; return the largest at a node."""
+        ...
 
 
 class Model:
@@ -77,6 +92,12 @@ class Model:
     ) -> None:
         if rotation not in ("quaternion", "kardan"):
             raise ValueError(f"model: rotation must be 'quaternion' or 'kardan' (got {rotation!r}).")
+        for name, given, kind in (
+            ("rods", rods, Rod),
+            ("supports", supports, (Clamp, Pin, Weld)),
+            ("terms", terms, Callable),
+        ):
+            _check_list(name, given, kind)
         self.rods = tuple(rods)
         self.supports = tuple(h for h in supports if not isinstance(h, Weld))
         self.welds = tuple(w for w in supports if isinstance(w, Weld))
@@ -92,6 +113,12 @@ class Model:
         self.constraints = Constraints(self.space, self.supports, self.welds)
         self.symmetric = all(term.symmetric for term in self.terms)
         self.warnings: list[str] = []
+        if any(getattr(term, "needs_mass", False) for term in self.terms):
+            for rod in self.rods:
+                if not self.space.node_mass[self.space[rod].nodes].any():
+                    self.warn(
+                        f"rod {rod.name!r}: has no mass, so gravity does not act on it. Give its section a density."
+                    )
 
     def _check_members(self) -> None:
         if not self.rods:
@@ -108,12 +135,17 @@ class Model:
         known = [rod.name for rod in self.rods]
         members = [("support", h.name, h.rod) for h in self.supports]
         members += [("weld", "", rod) for w in self.welds for rod in (w.rod, w.other)]
-        members += [("term", term.name, term.rod) for term in self.terms if hasattr(term, "rod")]
-        faults += [
-            f"{kind} {name!r}: rod {rod.name!r} is not in the model. {nearest(rod.name, known)}"
-            for kind, name, rod in members
-            if rod not in self.rods
-        ]
+        for term in self.terms:
+            rods = [getattr(term, name, None) for name in ("rod", "other")]
+            members += [("term", term.name, rod) for rod in rods if rod is not None]
+        for kind, name, rod in members:
+            if rod not in self.rods:
+                hint = (
+                    "The model has another rod of this name: use that object."
+                    if rod.name in known
+                    else nearest(rod.name, known)
+                )
+                faults.append(f"{kind} {name!r}: rod {rod.name!r} is not in the model. {hint}")
         if faults:
             raise SceneError(faults)
 
@@ -126,8 +158,7 @@ class Model:
             marks[w.rod].append(w.rod.place(w.at, "weld"))
             marks[w.other].append(w.other.place(w.other_at, "weld"))
         for term in self.terms:
-            if hasattr(term, "mark"):
-                rod, s = term.mark
+            for rod, s in getattr(term, "marks", ()):
                 marks[rod].append(s)
         return [marks[rod] for rod in self.rods]
 
@@ -146,6 +177,15 @@ class Model:
         """The drawn shape at time t."""
         return self.space.drawn_state(t)
 
+    def check_state(self, state: State) -> None:
+        """ValueError if a state is not one of this model."""
+        shapes = [np.shape(a) for a in (state.r, state.q, *state.stress)] if isinstance(state, State) else []
+        drawn = self.space.drawn_state()
+        if shapes != [np.shape(a) for a in (drawn.r, drawn.q, *drawn.stress)]:
+            raise ValueError("start: must be a State of this model: `history.final` of a run with the same elements.")
+        if not (np.isfinite(state.r).all() and np.isfinite(state.q).all()):
+            raise ValueError("start: holds places or rotations that are not finite.")
+
     def external(self, state: State, *, tangent: bool) -> tuple[np.ndarray, np.ndarray]:
         """Residual (N, 6) of all terms but the internal force and their nodal tangents (N, 6, 6) or empty."""
         g, nodal = np.zeros((self.space.n_nodes, 6)), NO_BLOCKS
@@ -158,20 +198,40 @@ class Model:
                 np.add.at(nodal, blocks.nodes[:, 0], blocks.stiffness)
         return g, nodal
 
-    def residual(self, state: State) -> Sum:
-        """Residual of all terms at a state; what is left on held unknowns is the reaction."""
+    def residual(self, state: State, *, step: Step | None = None) -> Sum:
+        """Residual of all terms at a state; what is left on held unknowns is the reaction. step: inertia of a time step."""
+        tables, largest = None, (0.0, 0.0)
+        if step is not None:
+            state, tables = step.with_velocity(state), step.tables
         g, _ = self.external(state, tangent=False)
-        force, moment = self.internal.residual(state, self.space, g)
-        return Sum(g, force, moment)
+        if step is not None:
+            largest = step.add(state, g, NO_BLOCKS)
+        force, moment = self.internal.residual(state, self.space, g, tables)
+        return Sum(g, max(force, largest[0]), max(moment, largest[1]))
 
-    def condensed(self, state: State, scratch: list[Condensed], mu: float, offset: np.ndarray | None) -> Sum:
+    def condensed(
+        self,
+        state: State,
+        scratch: list[Condensed],
+        mu: float,
+        offset: np.ndarray | None,
+        *,
+        step: Step | None = None,
+    ) -> Sum:
         """Residual and, in `scratch`, the condensed tangent with mu * shift on the diagonal. offset: added to g."""
+        tables, largest = None, (0.0, 0.0)
+        if step is not None:
+            state, tables = step.with_velocity(state), step.tables
         g, nodal = self.external(state, tangent=True)
+        if step is not None:
+            if not len(nodal):
+                nodal = np.zeros((self.space.n_nodes, 6, 6))
+            largest = step.add(state, g, nodal)
         if offset is not None:
             g += offset
-        additions = Additions(nodal, self.shift, mu, self.symmetric)
+        additions = Additions(nodal, self.shift, mu, self.symmetric and step is None, tables)
         force, moment, negative = self.internal.condensed(state, self.space, g, scratch, additions)
-        return Sum(g, force, moment, negative)
+        return Sum(g, max(force, largest[0]), max(moment, largest[1]), negative)
 
     def matrix(self, state: State) -> csc_matrix:
         """Full tangent (6 N, 6 N) before supports: the plain sum of all blocks."""
@@ -226,7 +286,7 @@ class Model:
             center = np.mean([rod.drawn(np.array([0.0, rod.length])).mean(0) for rod in rods], axis=0)
             size = max(rod.drawn_length for rod in rods)
             conditions = [np.zeros((0, 6))]
-            targets = self.constraints.targets(0.0)
+            targets = self.constraints.targets(max((part.drawn_at for part in self.parts), default=0.0))
             state = self.initial_state()
             for row in rows:
                 node = self.constraints.support_node[row]
@@ -283,6 +343,16 @@ class Model:
                     f"{self.supports[b].name!r}, which are {chords[k]:.4g} m apart at t = {times[k]:g} s: it must "
                     f"stretch by at least {100 * (chords[k] / length - 1):.2g} %."
                 )
+
+
+def _check_list(name: str, given: Any, kind: Any) -> None:
+    """ValueError if a member of the list `given` is of another kind."""
+    if not isinstance(given, Sequence) or isinstance(given, str):
+        raise ValueError(f"model: {name} must be a list (got {type(given).__name__}); write [...] around one.")
+    for member in given:
+        if not isinstance(member, kind) or isinstance(member, type):
+            wanted = {"rods": "Rod", "supports": "Clamp, Pin or Weld", "terms": "loads and other terms"}[name]
+            raise ValueError(f"model: {name} holds {wanted} (got {type(member).__name__}).")
 
 
 def _null_space(A: np.ndarray) -> np.ndarray:

@@ -19,13 +19,17 @@ import numpy as np
 from .constraint import Held, Targets
 from .errors import KardanError
 from .kernels.nodes import largest_increment, largest_residual
+from .kernels.step import newton_step
 from .linear import LinearSolver
-from .model import Model, Sum
+from .model import Model, Step, Sum
 from .space import State
+from .terms.external import NO_LOADS
+from .terms.inertial import Driven, InertiaStep
 
 RESIDUAL = 1e-11  # relative
 ROUND_OFF = 2 * np.finfo(float).eps
 STAGNANT = 32.0  # residual in units of the tolerance, accepted when a small step no longer halves it
+NO_REACTIONS = np.empty((0, 6))
 LARGEST_TURN = 0.8  # rad in one guarded step
 SMALLEST_SHIFT = 1e-6
 
@@ -85,10 +89,23 @@ class Newton:
         self.counters.guarded += 1
         return self._solve(state, targets, offset, iterations, guarded=True)
 
+    def in_time(self, state: State, step: Step, tolerance: float, iterations: int = 20) -> Solved:
+        """End of a time step, from a predicted state. tolerance: relative residual."""
+        return self._solve(state, None, None, iterations, guarded=False, step=step, tolerance=tolerance)
+
     def _solve(
-        self, state: State, targets: Targets | None, offset: np.ndarray | None, iterations: int, *, guarded: bool
+        self,
+        state: State,
+        targets: Targets | None,
+        offset: np.ndarray | None,
+        iterations: int,
+        *,
+        guarded: bool,
+        step: Step | None = None,
+        tolerance: float = RESIDUAL,
     ) -> Solved:
         model, constraints = self.model, self.model.constraints
+        symmetric = model.symmetric and step is None
         targets = targets or constraints.targets(state.t)
         mu = SMALLEST_SHIFT if guarded else 0.0
         moments = np.zeros((constraints.n_supports, 3)) if constraints.tilted else None
@@ -98,24 +115,26 @@ class Newton:
 
         def stop(reason: str = "") -> Solved:
             reactions = constraints.reactions(state, total.g)
-            if not reason and not near and model.symmetric:
+            if not reason and not np.isfinite([total.force, total.moment]).all():
+                reason = "the section forces are not finite numbers"
+            if not reason and symmetric and (not near or negative > 0):
                 return Solved(*self._count_again(state, targets, total, reactions, RESIDUAL * residual, where, k))
-            return Solved(state, total, reactions, RESIDUAL * residual, where, negative, k, reason)
+            return Solved(state, total, reactions, tolerance * residual, where, negative, k, reason)
 
         while True:
             if cheap:
                 self.counters.residuals += 1
-                total = model.residual(state)
+                total = model.residual(state, step=step)
                 if offset is not None:
                     total.g[...] += offset
             else:
-                total = model.condensed(state, self.linear.scratch, mu, offset)
+                total = model.condensed(state, self.linear.scratch, mu, offset, step=step)
             if constraints.tilted:
                 moments = constraints.reactions(state, total.g)[:, 3:]
             held = constraints.evaluate(state, targets, moments)
-            residual, where = self._measure(state, total, held)
+            residual, where = self._measure(state, total, held, step, tolerance)
             if not residual < np.inf:
-                return stop("the residual is not finite")
+                return stop("the residual is not a finite number")
             met = residual <= 1.0 or (small and 0.5 * before < residual <= STAGNANT)
             reached = k > 0 and met and self._gap_closed(held)
             if reached:
@@ -126,7 +145,7 @@ class Newton:
             if k == iterations:
                 return stop(f"no convergence within {iterations} iterations")
             near = small and mu <= SMALLEST_SHIFT  # stability counts only without the shift
-            solution = self.linear.solve(state, total.g, held, total.negative, model.symmetric)
+            solution = self.linear.solve(state, total.g, held, total.negative, symmetric)
             self.counters.iterations += 1
             self.counters.linear[solution.method] = self.counters.linear.get(solution.method, 0) + 1
             bad = solution.singular >= 0
@@ -142,7 +161,7 @@ class Newton:
             scale = min(1.0, LARGEST_TURN / turn) if guarded and turn > 0 else 1.0
             if not guarded and turn > (np.inf, 2.0, 2.0, 1.0)[min(k, 3)]:  # no solve that converged turned more
                 return stop("the iteration diverges")
-            stress = model.internal.extrapolate(state, model.space, du, 1.0)
+            stress = model.internal.extrapolate(state, model.space, du, 1.0, step.tables if step else None)
             if scale < 1.0:  # the memory is an unknown of the mixed method: it takes the same part of its step
                 stress = tuple((1 - scale) * a + scale * b for a, b in zip(state.stress, stress, strict=True))
             try:
@@ -155,27 +174,41 @@ class Newton:
             if guarded and scale == 1.0:
                 mu = mu / 4.0 if mu >= 4e-3 else SMALLEST_SHIFT
 
+    def response(self, state: State, load: np.ndarray, *, step: Step | None = None) -> np.ndarray:
+        """Increment du (N, 6) of the linearised model under a load (N, 6), supports standing still."""
+        model = self.model
+        held = model.constraints.evaluate(state, model.constraints.targets(state.t))
+        held = replace(held, gap=np.zeros_like(held.gap))
+        mu = 0.0 if step is not None else SMALLEST_SHIFT
+        residual = model.residual(state, step=step).g
+        total = model.condensed(state, self.linear.scratch, mu, -residual - load, step=step)
+        return self.linear.solve(state, total.g, held, total.negative, model.symmetric and step is None).du.copy()
+
     def _count_again(
         self, state: State, targets: Targets, total: Sum, reactions: np.ndarray, residual: float, where: int, k: int
     ) -> tuple:
         """Fields of a converged Solved with the negative eigenvalues of the tangent at the state itself.
 
-        Needed when few iterations were made: the last factorisation then had stresses of a state further away.
+        Needed when few iterations were made: the last factorisation then had stresses of a state further away. The least
+        shift keeps a neutral motion (a loop that turns freely about its ends) from counting by its round-off.
         """
         state = replace(state, stress=self.model.internal.with_stress(state, self.model.space))
-        again = self.model.condensed(state, self.linear.scratch, 0.0, None)
+        again = self.model.condensed(state, self.linear.scratch, SMALLEST_SHIFT, None)
         held = self.model.constraints.evaluate(state, targets, reactions[:, 3:])
         solution = self.linear.solve(state, again.g, held, again.negative, True)
         return state, total, reactions, residual, where, solution.negative if solution.singular < 0 else -1, k
 
-    def _measure(self, state: State, total: Sum, held: Held) -> tuple[float, int]:
+    def _measure(self, state: State, total: Sum, held: Held, step: Step | None, tolerance: float) -> tuple[float, int]:
         """Residual on the free unknowns in units of the tolerance (1 = converged), and the node of the largest."""
         s = self.model.scales
         force = max(total.force, total.moment / s["length"])
         moment = max(total.moment, total.force * s["element"])
         noise = ROUND_OFF * s["axial"] * s["size"] / s["smallest"]
-        force_limit = RESIDUAL * force + noise
-        moment_limit = RESIDUAL * moment + noise * s["element"] + ROUND_OFF * s["bending"] / s["smallest"]
+        force_limit = tolerance * force + noise
+        moment_limit = tolerance * moment + noise * s["element"] + ROUND_OFF * s["bending"] / s["smallest"]
+        if step is not None:  # round-off of the increment, as an inertia force
+            force_limit += ROUND_OFF * step.heaviest[0] * s["size"]
+            moment_limit += ROUND_OFF * step.heaviest[1]
         c = self.model.constraints
         n = c.n_supports
         g = c.in_unknowns(state, total.g, held)
@@ -185,3 +218,72 @@ class Newton:
         s = self.model.scales
         shift, turn, _ = largest_increment(held.gap)
         return shift <= 1e-12 * s["size"] and turn <= 1e-11
+
+
+class CompiledStep:
+    """`Newton.in_time` as one compiled loop, for models that are simple enough; see `kernels.step`."""
+
+    REASONS = ("", "the residual is not a finite number", "no convergence", "the tangent is singular", "it diverges")
+
+    def __init__(self, newton: Newton, tolerance: float) -> None:
+        self.newton, self.model, self.tolerance = newton, newton.model, tolerance
+        space, c, linear = self.model.space, self.model.constraints, newton.linear
+        (group,) = space.groups
+        n = c.n_supports
+        self.group = group
+        scratch = linear.scratch[0]
+        self.linear = (
+            scratch.S, scratch.rhs, scratch.factor, linear.segments, linear.kept, linear.joint_S, linear.joint_rhs
+        )  # fmt: skip
+        self.held = (c.support_node, c.left[:n], c.right[:n], c.held[:n], c.owner[:n])
+        self.nodal, self.du = np.empty((space.n_nodes, 6, 6)), np.empty((space.n_nodes, 6))
+        self.R, self.each = np.empty((space.n_nodes, 3, 3)), np.empty((0, 6))
+
+    @staticmethod
+    def takes(model: Model) -> bool:
+        """True if the compiled loop knows everything in a model."""
+        c = model.constraints
+        simple = not c.transforms and not c.joints and len(model.space.groups) == 1
+        return (
+            simple and model.rotation == "quaternion" and all(getattr(term, "tabulated", False) for term in model.terms)
+        )
+
+    def solve(self, guess: State, moved: np.ndarray, step: InertiaStep, driven: Driven) -> Solved:
+        """End of a time step, from a predicted state that has moved by `moved` (N, 3); both are changed."""
+        model, space = self.model, self.model.space
+        targets = model.constraints.targets(guess.t)
+        loads = [term.table(guess.t, space) for term in model.terms]  # type: ignore[attr-defined]
+        loads = loads or [NO_LOADS]
+        columns = ([getattr(load, name) for load in loads] for name in ("nodes", "force", "moment", "kinds"))
+        table = tuple(column[0] if len(column) == 1 else np.concatenate(column) for column in columns)
+        if len(self.each) != len(table[0]):
+            self.each = np.empty((len(table[0]), 6))
+        s = model.scales
+        noise = ROUND_OFF * s["axial"] * s["size"] / s["smallest"]
+        limits = (
+            self.tolerance,
+            s["length"],
+            s["element"],
+            noise + ROUND_OFF * step.heaviest[0] * s["size"],
+            noise * s["element"] + ROUND_OFF * s["bending"] / s["smallest"] + ROUND_OFF * step.heaviest[1],
+            1e-12 * s["size"],
+        )
+        start, rates = step.start, step.rates
+        inertia = (
+            space.node_mass, space.node_inertia, start.r, start.q, rates.v, rates.a, rates.b, step.coefficients,
+            driven.nodes, driven.v, driven.a,
+        )  # fmt: skip
+        g = np.empty((space.n_nodes, 6))
+        r, q, sigma = guess.r, guess.q, guess.stress[0]  # the guess is ours: it was made for this step
+        tables = self.group.tables if step.tables is None else step.tables[0]
+        beam = (self.group.packed_conn, self.group.n_elements, self.group.N, *tables, space.owner)
+        status, k, checks, residual, where = newton_step(
+            beam, self.linear, (*self.held, targets.place, targets.quaternion), inertia, table, limits, 20, moved, r,
+            q, sigma, (g, self.nodal, self.du, step.D, step.v, step.a, step.b, self.each, self.R),
+        )  # fmt: skip
+        counters = self.newton.counters
+        counters.iterations += k
+        counters.residuals += checks
+        counters.linear["chain"] = counters.linear.get("chain", 0) + k
+        total = Sum(g, 0.0, 0.0)
+        return Solved(guess, total, NO_REACTIONS, self.tolerance * residual, where, -1, k, self.REASONS[status])

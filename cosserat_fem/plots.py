@@ -27,7 +27,7 @@ def read_table(path: pathlib.Path, key: str) -> dict[str, dict[str, np.ndarray]]
 
 
 def plot_run(folder: pathlib.Path, out: pathlib.Path) -> list[pathlib.Path]:
-    """Write reactions.svg/png and, if a part has a hinge, hinge_torque.svg/png; return their paths."""
+    """Write reactions and, where there are such, hinge_torque and ledger as svg and png; return their paths."""
     reactions = read_table(folder / "reactions.csv", "support")
     torque = read_table(folder / "hinge_torque.csv", "part")
     made = []
@@ -35,6 +35,8 @@ def plot_run(folder: pathlib.Path, out: pathlib.Path) -> list[pathlib.Path]:
         made += _save(_reactions(reactions, torque), out / "reactions")
     if torque:
         made += _save(_torque(torque), out / "hinge_torque")
+    if (folder / "ledger.csv").is_file():
+        made += _save(_ledger(folder / "ledger.csv"), out / "ledger")
     return made
 
 
@@ -86,6 +88,25 @@ def _torque(torque: dict[str, dict[str, np.ndarray]]) -> Figure:
     ax.set_ylabel("torque the drive must supply [N m]")
     ax.grid(alpha=0.3)
     ax.legend()
+    return figure
+
+
+def _ledger(path: pathlib.Path) -> Figure:
+    """Energies and works over time."""
+    with open(path, newline="", encoding="utf-8") as file:
+        names = next(csv.reader(file))
+        table = np.array([[float(x) for x in row] for row in csv.reader(file)])
+    figure = Figure(figsize=(7.2, 4.0), layout="constrained")
+    ax = figure.subplots()
+    last = names.index("px")
+    for k, name in enumerate(names[1:last], 1):
+        style = {"color": "black", "ls": ":"} if name == "integrator" else {"color": COLOURS[(k - 1) % len(COLOURS)]}
+        label = name if name in ("kinetic", "strain", "integrator") else f"work of {name}"
+        ax.plot(table[:, 0], table[:, k], label=label, **style, **_marker(table[:, 0]))
+    ax.set_xlabel("time [s]")
+    ax.set_ylabel("energy, work [J]")
+    ax.grid(alpha=0.3)
+    ax.legend(fontsize=8)
     return figure
 
 

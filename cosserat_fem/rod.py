@@ -7,7 +7,6 @@ told which places need a node; it holds no unknowns.
 
 from __future__ import annotations
 
-import csv
 import os
 import pathlib
 from collections.abc import Callable, Sequence
@@ -18,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from .curve import SmoothCurve, unit
-from .errors import MeshError, check_integer, check_name, check_positive, check_shape, one_line
+from .errors import MeshError, check_integer, check_name, check_positive, check_shape, one_line, silenced
 from .section import Section
+from .table import read_table
 
 SAME = 1e-9  # places closer than this part of the length are one place
 SNAP = 0.3  # an element boundary closer than this part of an element to a wanted place is moved there
@@ -80,7 +80,7 @@ class Rod:
     def __post_init__(self) -> None:
         set_ = object.__setattr__
         where = f"rod {check_name('rod', self.name)!r}"
-        check_integer(f"{where}: n_elements", self.n_elements, 1)
+        check_integer(f"{where}: n_elements", self.n_elements, 1, 2_000_000)
         check_integer(f"{where}: order", self.order, 1, 6)
         set_(self, "curve", SmoothCurve(self.points, self.start_tangent, self.end_tangent, name=where))
         set_(self, "points", self.curve.points)
@@ -100,6 +100,21 @@ class Rod:
             rest = np.asarray(self.rest, dtype=float)
             set_(self, "rest", check_shape(f"{where}: rest", rest, (3,) if rest.ndim == 1 else (-1, 3)))
         self.frames(np.array([0.0, length]))  # says what is wrong with the normals
+        self._check_drawing(where)
+
+    def _check_drawing(self, where: str) -> None:
+        """ValueError if the drawn curve turns back on itself within a point's reach."""
+        s = np.linspace(0.0, self.length, 20 * len(self.points) + 1)
+        with np.errstate(all="ignore"):
+            tangents = self.frames(s)[..., 2]
+            turn = (tangents[1:] * tangents[:-1]).sum(-1)
+        bad = np.flatnonzero(~(turn > -0.5))
+        if len(bad):
+            place = self.drawn(s[bad[:1]])[0]
+            raise ValueError(
+                f"{where}: points draw a curve that folds back on itself near ({place[0]:.4g}, {place[1]:.4g}, "
+                f"{place[2]:.4g}) m. Draw the bend with a few more points, or leave out the point that goes back."
+            )
 
     @classmethod
     def read(
@@ -178,6 +193,17 @@ class Rod:
     def mass_at(self, s: np.ndarray) -> np.ndarray:
         """Mass per length (n,) [kg/m] at s (n,)."""
         return self.section_at(s)[1]
+
+    def rotary_inertia_at(self, s: np.ndarray) -> np.ndarray:
+        """Rotary inertia per length (n, 3) [kg m] about d1, d2, d3 at s (n,).
+
+        Where a section gives none, that of a body whose mass is spread as its stiffness is: rho I = m EI / EA, and the
+        sum of both about d3.
+        """
+        C, mass, given = self.section_at(s)
+        bending = mass[:, None] * C[:, (3, 4), (3, 4)] / C[:, 2, 2, None]
+        spread = np.concatenate([bending, bending.sum(axis=1, keepdims=True)], axis=1)
+        return np.where(given > 0, given, spread)
 
     def radius_at(self, s: np.ndarray) -> np.ndarray:
         """Radius for pictures (n,) [m]; from the stiffness of a solid round section, 2 sqrt(EI / EA), if not given."""
@@ -275,34 +301,12 @@ def read_curve(path: str | os.PathLike[str], where: str) -> np.ndarray:
     if not file.is_file():
         raise MeshError(f"{where}: curve file {shown} does not exist.")
     if file.suffix.lower() in (".csv", ".txt"):
-        points = _read_csv(file, where, shown)
+        points = read_table(file, ("x", "y", "z"), f"{where}: curve file {shown}")
     else:
         points = _order_lines(*_read_lines(file, where, shown), where, shown)
     if len(points) < 2 or not np.isfinite(points).all():
         raise MeshError(f"{where}: curve file {shown} needs at least two points with finite coordinates.")
     return points
-
-
-def _read_csv(file: pathlib.Path, where: str, shown: str) -> np.ndarray:
-    try:
-        with open(file, newline="", encoding="utf-8") as stream:
-            rows = [row for row in csv.reader(stream) if row and not row[0].lstrip().startswith("#")]
-        if rows and not _numeric(rows[0]):
-            rows = rows[1:]
-        points = np.array([[float(x) for x in row[:3]] for row in rows])
-    except (ValueError, UnicodeDecodeError) as error:
-        raise MeshError(f"{where}: curve file {shown} is not a table of numbers x, y, z: {one_line(error)}.") from None
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise MeshError(f"{where}: curve file {shown} needs three columns x, y, z (got shape {points.shape}).")
-    return points
-
-
-def _numeric(row: list[str]) -> bool:
-    try:
-        [float(x) for x in row[:3]]
-    except ValueError:
-        return False
-    return True
 
 
 def _read_lines(file: pathlib.Path, where: str, shown: str) -> tuple[np.ndarray, np.ndarray]:
@@ -311,8 +315,9 @@ def _read_lines(file: pathlib.Path, where: str, shown: str) -> tuple[np.ndarray,
         import pyvista
 
         try:
-            data = pyvista.read(file).extract_all_edges() if file.suffix.lower() != ".vtp" else pyvista.read(file)
-            cells = data.lines
+            with silenced():
+                data = pyvista.read(file).extract_all_edges() if file.suffix.lower() != ".vtp" else pyvista.read(file)
+                cells = data.lines
         except Exception as error:  # pyvista and VTK raise many types for files that are not meshes
             raise MeshError(f"{where}: curve file {shown} cannot be read: {one_line(error)}.") from None
         edges: list[tuple[int, int]] = []
@@ -327,7 +332,8 @@ def _read_lines(file: pathlib.Path, where: str, shown: str) -> tuple[np.ndarray,
 
     pairs: list[tuple[int, int]] = []
     try:
-        mesh = meshio.read(file)
+        with silenced():
+            mesh = meshio.read(file)
     except SystemExit:  # meshio prints its reason and exits
         raise MeshError(f"{where}: curve file {shown} cannot be read: meshio refuses it.") from None
     except Exception as error:

@@ -1,8 +1,8 @@
 """What happens when a scene is run? Folder, solution, results, summary; pictures last.
 
-Rule: the folder is touched only after the scene was found valid; `summary.json` is there from the first moment and says
-how far the run came; every result is written whole or not at all; pictures are made by another process when everything
-else is safe.
+Rule: the folder is touched only after the scene was found valid, and by one run at a time; `summary.json` is there from
+the first moment and says how far the run came; every result is written whole or not at all; pictures are made by another
+process when everything else is safe.
 """
 
 from __future__ import annotations
@@ -11,40 +11,42 @@ import json
 import os
 import pathlib
 import platform
-import shutil
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from importlib import metadata
 from typing import Any
 
 import numpy as np
 
 from .checks import bend_radius, distance_from_drawing, worst
-from .errors import ConvergenceError, SceneError
-from .export import hinged_parts, replace_file, write_hinge_torque, write_history, write_parts, write_reactions
-from .history import History
+from .dynamics import AdaptiveStep, Checkpoint, FixedStep, RigidVelocity, Run, solve_dynamic
+from .errors import ConvergenceError, CosseratError, SceneError, one_line, out_of_memory
+from .export import (
+    hinged_parts,
+    replace_file,
+    write_hinge_torque,
+    write_history,
+    write_ledger,
+    write_parts,
+    write_reactions,
+)
+from .folder import PROGRAM, RESULTS, RunFolder
+from .frames import CHECKPOINT, FRAMES, FrameFile, read_checkpoint, read_frames, write_checkpoint
+from .history import History, Record
 from .kernels import CompileClock
 from .mechanism import Hinge
-from .scene import Scene
+from .scene import Scene, load_scene
 from .space import State
 from .statics import solve_quasistatic, solve_static
 
-PROGRAM = "cosserat_fem"
 PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "pyvista", "vtk", "h5py", "pyamg")
-FILES = (
-    "scene.toml",
-    "history.vtkhdf",
-    "parts.vtkhdf",
-    "reactions.csv",
-    "hinge_torque.csv",
-    "history.pvd",
-    "summary.json",
-)
-FOLDERS = ("pictures", "pvd")
+SAVE_EVERY = 3.0  # s of wall time between checkpoints of a run in time
 
 
 @dataclass
@@ -66,48 +68,56 @@ class Phases:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a run left: its folder, history (None if nothing was found) and the reason if it stopped early."""
+    """What a run left: its folder, history (None if nothing was found), the reason if it stopped early, files written."""
 
     folder: pathlib.Path
     history: History | None
     reason: str = ""
+    written: tuple[str, ...] = ()
+    complete: bool = False  # every result of the history is on the disk
 
 
 def run_scene(
     scene: Scene,
-    out: str | os.PathLike[str] | None = None,
+    out: str | os.PathLike[str] | RunFolder | None = None,
     *,
     force: bool = False,
     progress: Callable[[int, int], bool | None] | None = None,
     announce: Callable[[str], None] | None = None,
     phases: Phases | None = None,
+    resume: bool = False,
 ) -> Outcome:
-    """Run a scene and write its results, without pictures (see `draw`).
+    """Run a scene and write its results, without pictures (see `draw`). Ctrl-C stops it; what was found is written.
 
     Parameters
     ----------
     out : folder, default `scene.folder`
+        A `RunFolder` that is held already is used as it is and stays held.
     force : bool
         Write into a folder that holds other files too; they are left alone.
     progress : function (stations done, stations in all) -> bool
         Called after each station; return True to stop there.
     announce : function (text)
         Told when kernels are compiled for the first time on this machine.
+    resume : bool
+        Go on with the run in time whose checkpoint is in the folder; see `resume_scene`.
 
     Raises
     ------
     SceneError
         The folder cannot be used, or the model cannot be solved as it is meant.
     """
-    folder = pathlib.Path(out) if out is not None else scene.folder
-    prepare_folder(folder, force=force)
+    if not isinstance(out, RunFolder):
+        with RunFolder(scene.folder if out is None else out, scene.inputs, force=force, resume=resume) as held:
+            return run_scene(scene, held, progress=progress, announce=announce, phases=phases, resume=resume)
     phases = phases or Phases()
-    writer = _Writer(scene, folder, phases)
+    writer = _Writer(scene, out.path, phases)
     try:
-        writer.summary("running", "started")
-        writer.text("scene.toml", scene.resolved())
+        if not resume:
+            writer.text("scene.toml", scene.resolved())
+        writer.summary("running", "resumed" if resume else "started")
     except OSError as error:
-        raise SceneError(f"output folder {str(folder)!r}: cannot be written: {error.strerror}.") from None
+        raise SceneError(f"output folder {str(out.path)!r}: cannot be written: {error.strerror}.") from None
 
     def first() -> None:
         if announce is not None:
@@ -117,78 +127,179 @@ def run_scene(
     reason, history = "", None
     try:
         with clock, phases.measure("solve"):
-            history = _solve(scene, progress)
+            history = _solve(scene, progress, out.path, resume)
         reason = history.message if history.status == "stopped" else ""
     except ConvergenceError as error:
         reason, history = str(error), error.history
     except KeyboardInterrupt:
         reason = "interrupted"
+    except MemoryError as error:
+        reason = out_of_memory(error)
+    except _FramesError as error:
+        reason, history = str(error), error.history
+    except OSError as error:  # the only other files of a solution are those of the compiler
+        reason = f"compiled kernels could not be kept: {_why(error)}. Set NUMBA_CACHE_DIR to a folder with space"
     except SceneError as error:
-        writer.summary("refused", str(error))
+        with suppress(OSError):
+            writer.summary("refused", str(error))
         raise
     phases.wall["compile"] = round(clock.seconds, 4)
-    if history is not None and len(history):
+    if history is not None and not len(history):
+        history = None
+    if history is not None:
         with phases.measure("write"):
-            try:
-                writer.results(history)
-            except OSError as error:
-                reason = f"results could not be written: {error.strerror or error}"
+            reason = _both(reason, writer.results(history))
     message = history.message if history is not None else ""
-    writer.summary("stopped" if reason else "converged", reason or message, history)
-    return Outcome(folder, history if history is not None and len(history) else None, reason)
+    try:
+        writer.summary("stopped" if reason else "converged", reason or message, history)
+    except (OSError, MemoryError) as error:
+        reason = _both(reason, f"summary.json could not be written: {_why(error)}")
+    if writer.complete and not reason:
+        for name in (FRAMES, CHECKPOINT):
+            (out.path / name).unlink(missing_ok=True)
+    return Outcome(out.path, history, reason, tuple(writer.written), writer.complete)
 
 
-def _solve(scene: Scene, progress: Callable[[int, int], bool | None] | None) -> History:
+def resume_scene(
+    folder: str | os.PathLike[str],
+    *,
+    progress: Callable[[int, int], bool | None] | None = None,
+    announce: Callable[[str], None] | None = None,
+    phases: Phases | None = None,
+) -> Outcome:
+    """Go on with a run in time that was stopped or killed, from its last checkpoint, bit for bit as if it never had been.
+
+    Raises
+    ------
+    SceneError
+        The folder is not one of a run, has no checkpoint, or its scene.toml was changed.
+    """
+    folder = pathlib.Path(folder)
+    if not (folder / "scene.toml").is_file():
+        raise SceneError(f"{folder}: is not the folder of a run (no scene.toml).")
+    read_checkpoint(folder / CHECKPOINT)
+    scene = load_scene(folder / "scene.toml")
+    return run_scene(scene, folder, progress=progress, announce=announce, phases=phases, resume=True)
+
+
+def _both(reason: str, more: str) -> str:
+    return f"{reason.rstrip('.')}; {more}" if reason and more else reason or more
+
+
+def _why(error: BaseException) -> str:
+    """What the machine said, in one line."""
+    if isinstance(error, MemoryError):
+        return out_of_memory(error)
+    return getattr(error, "strerror", None) or one_line(error)
+
+
+def _solve(
+    scene: Scene, progress: Callable[[int, int], bool | None] | None, folder: pathlib.Path, resume: bool
+) -> History:
+    if scene.tables.solve.kind == "dynamic":
+        return _solve_in_time(scene, progress, folder, resume)
     if scene.tables.solve.kind == "static":
         history = solve_static(scene.model, t=float(scene.times[0]), steps=scene.tables.solve.steps)
         if progress is not None:
             progress(1, 1)
         return history
 
+    asked = False
+
     def callback(k: int, state: State) -> bool | None:
-        return progress(k + 1, len(scene.times)) if progress is not None else None
+        nonlocal asked
+        asked = progress is not None and bool(progress(k + 1, len(scene.times)))
+        return asked
 
-    return solve_quasistatic(scene.model, scene.times, callback=callback)
+    history = solve_quasistatic(scene.model, scene.times, callback=callback)
+    if asked:
+        history.status, history.message = "stopped", f"asked to stop at t = {history.t[-1]:g} s"
+    return history
 
 
-def prepare_folder(folder: pathlib.Path, *, force: bool = False) -> None:
-    """Make the folder, or clear an earlier run of ours out of it. SceneError if it holds anything else."""
-    where = f"output folder {str(folder)!r}"
-    if folder.exists() and not folder.is_dir():
-        raise SceneError(f"{where}: is a file. Choose another with -o.")
+class _FramesError(Exception):
+    """Frames or a checkpoint could not be written; what was found goes with it."""
+
+    def __init__(self, message: str, history: History) -> None:
+        super().__init__(message)
+        self.history = history
+
+
+def _solve_in_time(
+    scene: Scene, progress: Callable[[int, int], bool | None] | None, folder: pathlib.Path, resume: bool
+) -> History:
+    """Run in time; kept states go to frames and, every few seconds, all that the rest depends on to a checkpoint."""
+    table = scene.tables.solve
+    identity = scene.identity
+    saved: Checkpoint | None = None
+    before: list[Record] = []
+    counters: dict[str, int] = {}
+    if resume:
+        found, saved, counters = read_checkpoint(folder / CHECKPOINT)
+        if found != identity:
+            raise SceneError(
+                f"{folder}: its scene or a file it reads was changed since the run began; start again with "
+                "`cosserat-fem run`."
+            )
+        _, before = read_frames(folder / FRAMES, saved.kept)
+    extrapolated = table.dt is not None and table.richardson
+    frames = None if extrapolated else FrameFile(folder / FRAMES, identity, saved.kept if saved else None)
+    written, last, asked = 0, time.monotonic(), False
+
+    def save(run: Run, frames: FrameFile) -> None:
+        nonlocal written
+        try:
+            for record in run.history.records[written:]:
+                frames.append(record)
+                written += 1
+            frames.sync()
+            write_checkpoint(folder / CHECKPOINT, identity, run.checkpoint(), asdict(run.history.counters))
+        except OSError as error:
+            run.history.status = "stopped"
+            run.history.message = f"t = {run.t:g} s: the run could not be saved: {_why(error)}"
+            raise _FramesError(run.history.message, run.history) from None
+
+    def callback(run: Run) -> bool | None:
+        nonlocal asked, last
+        asked = progress is not None and bool(progress(len(before) + len(run.history.records), len(scene.times)))
+        if frames is not None and (asked or time.monotonic() - last > SAVE_EVERY):
+            save(run, frames)
+            last = time.monotonic()
+        return asked
+
+    step = FixedStep(table.dt, table.richardson) if table.dt is not None else AdaptiveStep(table.rtol or 1e-4)
+    velocity = None if table.velocity is None else RigidVelocity(**table.velocity.model_dump())
+    end = float(scene.times[-1])
     try:
-        present = sorted(p.name for p in folder.iterdir()) if folder.exists() else []
-    except OSError as error:
-        raise SceneError(f"{where}: cannot be read: {error.strerror}.") from None
-    ours = _is_ours(folder)
-    strangers = [name for name in present if not (ours and _is_known(name))]
-    if strangers and not force:
-        beside = "beside an earlier run" if ours else "and is not an earlier run of this program"
-        raise SceneError(
-            f"{where}: holds {strangers[0]!r} {beside}. Choose another with -o, or use --force to write into it; its "
-            "other files stay."
-        )
-    try:
-        for name in present:
-            if _is_known(name) and (folder / name).is_dir():
-                shutil.rmtree(folder / name)
-            elif _is_known(name):
-                (folder / name).unlink()
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SceneError(f"{where}: cannot be written: {error.strerror}. Choose another with -o.") from None
+        history = solve_dynamic(
+            scene.model, end, start=table.start, velocity=velocity, rho_inf=table.rho_inf, step=step,
+            times=scene.times, callback=callback, resume=saved,
+        )  # fmt: skip
+    except (_FramesError, ConvergenceError) as error:
+        if error.history is not None:
+            error.history.records[:0] = before
+        raise
+    finally:
+        if frames is not None:
+            frames.close()
+    history.records[:0] = before
+    for name in ("iterations", "residuals"):
+        setattr(history.counters, name, getattr(history.counters, name) + counters.get(name, 0))
+    if asked:
+        resumable = "" if extrapolated else f"; `cosserat-fem resume {folder}` goes on"
+        history.message = f"asked to stop at t = {history.t[-1] if len(history) else 0:g} s{resumable}"
+    return history
 
 
-def _is_known(name: str) -> bool:
-    """A file or folder that a run makes, or the temporary form of one (see `replace_file`)."""
-    return name in FILES + FOLDERS or any(name.startswith(f".{file.rsplit('.', 1)[0]}-") for file in FILES)
-
-
-def _is_ours(folder: pathlib.Path) -> bool:
-    try:
-        return json.loads((folder / "summary.json").read_text(encoding="utf-8")).get("program") == PROGRAM
-    except (OSError, ValueError, AttributeError):
-        return False
+def rebuild(folder: pathlib.Path) -> History:
+    """History of a run in time that was killed, from its frames. SceneError if there are none."""
+    if not (folder / FRAMES).is_file():
+        raise SceneError(f"{folder}: has neither history.vtkhdf nor {FRAMES}.")
+    scene = load_scene(folder / "scene.toml")
+    _, records = read_frames(folder / FRAMES)
+    history = History(scene.model, records, "stopped", "rebuilt from frames")
+    _Writer(scene, folder, Phases()).results(history)
+    return history
 
 
 class _Writer:
@@ -196,15 +307,33 @@ class _Writer:
 
     def __init__(self, scene: Scene, folder: pathlib.Path, phases: Phases) -> None:
         self.scene, self.folder, self.phases = scene, folder, phases
+        self.written: list[str] = []
+        self.complete = False
 
     def text(self, name: str, text: str) -> None:
         replace_file(self.folder / name, lambda path: path.write_text(text, encoding="utf-8"))
 
-    def results(self, history: History) -> None:
-        write_reactions(history, self.folder / "reactions.csv")
-        write_hinge_torque(history, self.folder / "hinge_torque.csv")
-        write_history(history, self.folder / "history.vtkhdf")
-        write_parts(history, self.folder / "parts.vtkhdf")
+    def results(self, history: History) -> str:
+        """Write all results, or say why not."""
+        writers: tuple[Callable[..., None], ...] = (
+            write_reactions,
+            write_hinge_torque,
+            write_history,
+            partial(write_parts, parts=self.scene.parts),
+        )
+        named = dict(zip(RESULTS, writers, strict=True))
+        if history.dynamic:
+            named["ledger.csv"] = write_ledger
+        for name, write in named.items():
+            try:
+                write(history, self.folder / name)
+            except KeyboardInterrupt:
+                return f"interrupted while {name} was written"
+            except (OSError, MemoryError, CosseratError) as error:
+                return f"{name} could not be written: {_why(error)}"
+            self.written.append(name)
+        self.complete = True
+        return ""
 
     def summary(self, status: str, reason: str, history: History | None = None) -> None:
         data: dict[str, Any] = {
@@ -233,7 +362,7 @@ def describe(history: History) -> dict[str, Any]:
         "stations": {"kept": len(history), "first": float(history.t[0]), "last": float(history.t[-1])},
         "counters": asdict(history.counters) | {"most_iterations": max(r.iterations for r in history.records)},
         "worst_residual": max(r.residual for r in history.records),
-        "stable": _stability(history),
+        **({"in_time": _describe_motion(history)} if history.dynamic else {"stable": _stability(history)}),
         "physics": {
             "terms": terms,
             "rotation": model.rotation,
@@ -244,6 +373,25 @@ def describe(history: History) -> dict[str, Any]:
         "rods": {rod.name: _describe_rod(history, rod) for rod in model.rods},
         "reactions": {str(h.name): _describe_reaction(history, h) for h in model.supports},
         "hinges": {part.name: _describe_hinge(history, part) for part in hinged_parts(history)},
+    }
+
+
+def _describe_motion(history: History) -> dict[str, Any]:
+    """Steps, energies and works at the end, momentum, and how far the ledger is open."""
+    accepted = [h for _, h, _, taken in history.steps if taken]
+    linear, angular = history.momentum
+    return {
+        "steps": {
+            "accepted": len(accepted),
+            "rejected": len(history.steps) - len(accepted),
+            "shortest": min(accepted, default=0.0),
+            "longest": max(accepted, default=0.0),
+        },
+        "ledger": {name: float(values[-1]) for name, values in history.ledger.items()},
+        "ledger_gap": history.ledger_gap,
+        "linear_momentum": linear[-1].tolist(),
+        "angular_momentum": angular[-1].tolist(),
+        **({"extrapolated_from": history.extrapolated} if history.extrapolated is not None else {}),
     }
 
 
@@ -299,8 +447,17 @@ def _describe_hinge(history: History, part: Any) -> dict[str, Any]:
     }
 
 
-def draw(folder: pathlib.Path, *arguments: str) -> str:
-    """Make plots and pictures of a run folder in another process; return what went wrong, or nothing.
+@dataclass(frozen=True)
+class Drawing:
+    """What the drawing process made, or why it did not; `wrong` if an argument was."""
+
+    paths: tuple[pathlib.Path, ...] = ()
+    problem: str = ""
+    wrong: bool = False
+
+
+def draw(folder: pathlib.Path, *arguments: str) -> Drawing:
+    """Make plots and pictures of a run folder in another process.
 
     Rendering without a usable OpenGL library ends the process it happens in, so it must not be this one.
     """
@@ -310,11 +467,17 @@ def draw(folder: pathlib.Path, *arguments: str) -> str:
     command = [sys.executable, "-m", "cosserat_fem.view", str(folder), *arguments]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     if done.returncode == 0:
-        return ""
+        return Drawing(tuple(pathlib.Path(line) for line in done.stdout.splitlines()))
+    lines = (done.stderr or done.stdout).strip().splitlines()
+    said = lines[-1] if lines else f"exit code {done.returncode}"
+    if done.returncode in (-signal.SIGINT, -signal.SIGTERM, -9):
+        how = {-signal.SIGINT: "interrupted", -9: "killed, perhaps for lack of memory"}.get(done.returncode, "ended")
+        return Drawing(problem=f"the drawing process was {how}. `cosserat-fem render {folder}` starts it again.")
     if done.returncode < 0:
-        return (
-            "pictures need a software OpenGL library, which this machine lacks (on Debian and Ubuntu: "
+        return Drawing(
+            problem="pictures need a software OpenGL library, which this machine lacks (on Debian and Ubuntu: "
             "apt-get install libegl1 libgl1-mesa-dri). All results are complete; `cosserat-fem render` draws them later."
         )
-    lines = (done.stderr or done.stdout).strip().splitlines()
-    return f"pictures could not be made: {lines[-1] if lines else f'exit code {done.returncode}'}"
+    if done.returncode == 2:
+        return Drawing(problem=said, wrong=True)
+    return Drawing(problem=f"pictures could not be made: {said}")

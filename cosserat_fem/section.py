@@ -27,7 +27,7 @@ class Section:
         Against bending about d1, bending about d2, twist about d3.
     mass_per_length : [kg/m]
     rotary_inertia : (rho I1, rho I2, rho J) [kg m]
-        About d1, d2, d3.
+        About d1, d2, d3. Where it is 0, a run in time takes that of a section whose mass is spread as its stiffness is.
     radius : [m], optional
         Of the circle around the section; for pictures and, later, contact.
     outline : (width, height) [m], optional

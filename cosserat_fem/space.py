@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -142,7 +142,9 @@ class State:
     """Configuration of all rods at one time. A value: never changed in place.
 
     t [s]; r (N, 3) [m] node positions; q (N, 4) unit quaternions; stress: the stress memory of the Newton method, one
-    array per group; angles (N, 3) [rad] if the rotations are Kardan angles, else None.
+    array per group; angles (N, 3) [rad] if the rotations are Kardan angles, else None. In a run in time also velocity
+    (N, 6) [m/s, rad/s]: displacement in space, rotation in the section's axes; slope [1/s]: how much an increment of the
+    unknowns adds to it (0: nothing depends on it).
     """
 
     t: float
@@ -150,6 +152,8 @@ class State:
     q: np.ndarray
     stress: tuple[np.ndarray, ...]
     angles: np.ndarray | None = None
+    velocity: np.ndarray | None = None
+    slope: float = 0.0
 
     def at_time(self, t: float) -> State:
         return replace(self, t=t)
@@ -274,6 +278,16 @@ class Space:
         return mass
 
     @cached_property
+    def node_inertia(self) -> np.ndarray:
+        """Rotary inertia (N, 3) [kg m^2] about d1, d2, d3, lumped at the nodes."""
+        inertia = np.zeros((self.n_nodes, 3))
+        for rod, view in self.views.items():
+            values = rod.rotary_inertia_at(view.s_gauss)  # share asks at just these places
+            for i in range(3):
+                inertia[view.nodes, i] = self.share(rod, partial(_given, values[:, i]))
+        return inertia
+
+    @cached_property
     def owner(self) -> np.ndarray:
         """One element (number in its group) for each node, to add nodal matrices once."""
         owner = np.empty(self.n_nodes, dtype=np.int64)
@@ -351,7 +365,7 @@ class Space:
             return new
         q = np.empty_like(state.q)
         rotate_bodies(state.q, step[:, 3:], q)
-        return State(state.t, r, q, stress or state.stress)
+        return State(state.t, r, q, stress or state.stress, None, state.velocity, state.slope)
 
     def spin_axes(self, state: State, nodes: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Matrices H (n, 3, 3), spatial spin = H times the rotation unknowns: columns h_j.
@@ -380,6 +394,10 @@ class Space:
             condense.strain_and_frame(g.packed_conn, E, g.N, g.packed_slopes, state.r, state.q, strain, flat)
             frame = flat.reshape(E, Q, 3, 3)
         return strain, frame
+
+
+def _given(values: np.ndarray, s: np.ndarray) -> np.ndarray:
+    return values
 
 
 def _mesh(order: int, ends: Sequence[np.ndarray], offset: int) -> tuple[Basis, np.ndarray, np.ndarray, np.ndarray]:

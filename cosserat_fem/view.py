@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 import pyvista as pv
+from PIL import Image
 
-from .errors import CosseratError, nearest
+from .errors import CosseratError, nearest, out_of_memory
 from .export import Stored, read_history, replace_file
 from .plots import plot_run
 
@@ -23,6 +24,7 @@ SIZE = (1280, 800)
 PART_COLOURS = ("#9aa5b1", "#5b7083", "#c9b79c", "#7d8f69")
 ROD_COLOURS = ("#d1495b", "#edae49", "#00798c", "#7a5195", "#0b6e99")
 SIDES = 24
+SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 
 
 def outline(about: dict[str, Any], radius: float) -> np.ndarray:
@@ -137,8 +139,9 @@ class Picture:
 
     def save(self, path: pathlib.Path) -> None:
         self.plotter.add_axes(color="black")
-        replace_file(path, lambda temporary: self.plotter.screenshot(str(temporary)))
+        image = Image.fromarray(self.plotter.screenshot(return_img=True))
         self.plotter.close()
+        replace_file(path, image.save)
 
 
 def stages(stored: Stored, n: int = 4) -> list[int]:
@@ -179,9 +182,7 @@ def draw_step(folder: pathlib.Path, step: int, field: str | None, out: pathlib.P
 
 
 def film(folder: pathlib.Path, field: str | None, out: pathlib.Path) -> pathlib.Path:
-    """All states as a film: MP4 if imageio with ffmpeg is installed (extra `movie`), else an animated WebP."""
-    from PIL import Image
-
+    """All states as a film: MP4 if imageio with ffmpeg is installed (extra `movie`), else, or if asked, animated WebP."""
     stored, parts = _read(folder)
     frames = []
     view = Picture(stored, parts, field)
@@ -200,6 +201,8 @@ def film(folder: pathlib.Path, field: str | None, out: pathlib.Path) -> pathlib.
         import imageio.v2 as imageio
         import imageio_ffmpeg  # noqa: F401
     except ImportError:
+        imageio = None
+    if imageio is None or out.suffix.lower() == ".webp":
         out = out.with_suffix(".webp")
         images = [Image.fromarray(frame) for frame in frames]
         replace_file(
@@ -217,7 +220,7 @@ def _read(folder: pathlib.Path) -> tuple[Stored, Stored | None]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Entry of the drawing process; prints the paths it made."""
+    """Entry of the drawing process; prints the paths it made. Exit code 2 if an argument is wrong, 1 if it stopped."""
     parser = argparse.ArgumentParser(prog="cosserat_fem.view")
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--step", type=int)
@@ -226,20 +229,45 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--film", action="store_true")
     given = parser.parse_args(arguments)
     try:
-        if given.film:
-            made = [film(given.folder, given.field, given.out or given.folder / "pictures" / "film")]
-        elif given.step is None and given.field is None:
-            made = draw_run(given.folder)
-        else:
-            name = f"{given.field or 'shape'}_{given.step if given.step is not None else 'last'}.png"
-            out = given.out or given.folder / "pictures" / name
-            out.parent.mkdir(parents=True, exist_ok=True)
-            made = [draw_step(given.folder, -1 if given.step is None else given.step, given.field, out)]
+        made = _draw(given)
     except CosseratError as error:
         sys.stderr.write(f"{error}\n")
         return 2
+    except OSError as error:
+        sys.stderr.write(f"{error.filename or given.folder}: cannot be written: {error.strerror or error}.\n")
+        return 1
+    except MemoryError as error:
+        sys.stderr.write(f"{out_of_memory(error)}\n")
+        return 1
     sys.stdout.write("".join(f"{path}\n" for path in made))
     return 0
+
+
+def _draw(given: argparse.Namespace) -> list[pathlib.Path]:
+    """What the arguments ask for."""
+    if given.out is not None:
+        _check_out(given.out, given.film)
+    elif given.film or given.step is not None or given.field is not None:
+        (given.folder / "pictures").mkdir(exist_ok=True)
+    if given.film:
+        return [film(given.folder, given.field, given.out or given.folder / "pictures" / "film")]
+    if given.step is None and given.field is None and given.out is None:
+        return draw_run(given.folder)
+    name = f"{given.field or 'shape'}_{given.step if given.step is not None else 'last'}.png"
+    out = given.out or given.folder / "pictures" / name
+    return [draw_step(given.folder, -1 if given.step is None else given.step, given.field, out)]
+
+
+def _check_out(out: pathlib.Path, film: bool) -> None:
+    """CosseratError if nothing can be written there. A film takes the suffix of what it is."""
+    if out.is_dir():
+        raise CosseratError(f"--out {out}: is a folder; name a file in it.")
+    if not out.parent.is_dir():
+        raise CosseratError(f"--out {out}: there is no folder {str(out.parent)!r}. Make it first.")
+    if not film and out.suffix.lower() not in SUFFIXES:
+        raise CosseratError(
+            f"--out {out}: a picture is written as {', '.join(SUFFIXES)} (got {out.suffix or 'no suffix'})."
+        )
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 import json
 import os
 import pathlib
+import signal
 import subprocess
 import sys
 
@@ -88,7 +89,7 @@ def test_earlier_run_is_replaced_only_after_the_scene_was_found_valid(scene, tmp
     assert summary.read_text() == before
     assert 's.toml:5: section "s": diameter: must be greater than 0 (got "-4 mm").' in capsys.readouterr().err
     scene.write_text(SCENE.replace("2 s", "1 s"))
-    (tmp_path / "out" / "s" / ".history-x1y2.vtkhdf").write_text("left by a killed run")
+    (tmp_path / "out" / "s" / ".history-x1y2z3_4.vtkhdf").write_text("left by a killed run")
     assert main(["run", "s.toml", "--no-pictures"]) == 0
     assert json.loads(summary.read_text())["stations"]["kept"] == 3
     assert not list((tmp_path / "out" / "s").glob(".*"))
@@ -148,26 +149,83 @@ def test_stopped_run_keeps_what_it_found(scene, tmp_path, capsys, monkeypatch):
     assert "stopped: static run at t = " in capsys.readouterr().err
 
 
-def test_interrupt_keeps_what_it_found(scene, tmp_path, monkeypatch):
-    """The first Ctrl-C stops after the station under way."""
-    import signal
-
+def press_ctrl_c(monkeypatch, at, times=1):
+    """Ctrl-C while the given station is sought, as often as told."""
     from cosserat_fem import statics
 
-    inner = statics._travel
-    calls = []
+    inner, calls = statics._travel, []
 
     def travel(*arguments):
         calls.append(1)
-        if len(calls) == 2:
+        for _ in range(times if len(calls) == at else 0):
             os.kill(os.getpid(), signal.SIGINT)
         return inner(*arguments)
 
     monkeypatch.setattr(statics, "_travel", travel)
-    assert main(["run", "s.toml", "--no-pictures", "-q"]) == 1
-    summary = json.loads((tmp_path / "out" / "s" / "summary.json").read_text())
+
+
+@pytest.mark.parametrize(("times", "kept"), [(1, 3), (2, 2)])
+def test_interrupt_keeps_what_it_found(scene, tmp_path, monkeypatch, capsys, times, kept):
+    """The first Ctrl-C stops after the station under way, the second at once; no pictures are begun."""
+    press_ctrl_c(monkeypatch, 2, times)
+    assert main(["run", "s.toml"]) == 1
+    out = tmp_path / "out" / "s"
+    summary = json.loads((out / "summary.json").read_text())
     assert summary["status"] == "stopped"
-    assert summary["stations"]["kept"] == 3
+    assert summary["stations"]["kept"] == kept
+    assert sorted(p.name for p in out.iterdir()) == [
+        "hinge_torque.csv", "history.vtkhdf", "reactions.csv", "scene.toml", "summary.json",
+    ]  # fmt: skip
+    said = capsys.readouterr()
+    assert "Results in out/s" in said.out
+    assert "`cosserat-fem render out/s` draws them" in said.err
+
+
+def test_interrupt_in_python_keeps_what_it_found(scene, tmp_path, monkeypatch):
+    import cosserat_fem as cf
+
+    press_ctrl_c(monkeypatch, 2)
+    outcome = cf.run_scene(cf.load_scene("s.toml"))
+    assert len(outcome.history) == 2
+    assert outcome.complete
+    assert "interrupted" in outcome.reason
+    assert (tmp_path / "out" / "s" / "history.vtkhdf").is_file()
+    assert not list((tmp_path / "out" / "s").glob(".*"))
+
+
+STATIC = SCENE.replace('kind = "quasistatic"\nduration = "2 s"', 'kind = "static"\nt = "1 s"').replace(
+    '[output]\nevery = "0.5 s"\n', ""
+)
+
+
+def test_interrupt_stops_a_static_run_at_once(scene, tmp_path, monkeypatch, capsys):
+    from cosserat_fem import statics
+
+    inner = statics._equilibrium
+
+    def equilibrium(*arguments, **options):
+        os.kill(os.getpid(), signal.SIGINT)
+        return inner(*arguments, **options)
+
+    monkeypatch.setattr(statics, "_equilibrium", equilibrium)
+    scene.write_text(STATIC)
+    assert main(["run", "s.toml"]) == 1
+    said = capsys.readouterr()
+    assert (said.out, said.err) == ("s\n", "stopped: interrupted\n")
+    assert json.loads((tmp_path / "out" / "s" / "summary.json").read_text())["reason"] == "interrupted"
+
+
+def test_interrupt_of_the_pictures_is_one_line(scene, monkeypatch, capsys):
+    from cosserat_fem import run
+
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run.subprocess, "run", interrupted)
+    assert main(["run", "s.toml", "-q"]) == 1
+    assert capsys.readouterr().err == (
+        "no pictures: interrupted. All results are written; `cosserat-fem render out/s` draws them.\n"
+    )
 
 
 def test_full_disk_is_told(scene, tmp_path, monkeypatch, capsys):
@@ -178,20 +236,106 @@ def test_full_disk_is_told(scene, tmp_path, monkeypatch, capsys):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(export, "_put", full)
-    assert main(["run", "s.toml", "--no-pictures", "-q"]) == 1
+    assert main(["run", "s.toml", "--no-pictures"]) == 1
     out = tmp_path / "out" / "s"
-    assert "No space left on device" in capsys.readouterr().err
-    assert json.loads((out / "summary.json").read_text())["status"] == "stopped"
+    said = capsys.readouterr()
+    assert said.err == "stopped: history.vtkhdf could not be written: No space left on device\n"
+    assert "Results in" not in said.out
+    assert "Incomplete results in out/s: reactions.csv, hinge_torque.csv" in said.out
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["status"] == "stopped"
+    assert summary["reason"] == "history.vtkhdf could not be written: No space left on device"
     assert not (out / "history.vtkhdf").exists()
     assert not list(out.glob(".*"))
 
 
+@pytest.mark.skipif(os.name != "posix", reason="limits of a process are POSIX")
+def test_full_disk_is_survived(scene, tmp_path):
+    """A real one, from the system: HDF5 would print its stack and crash."""
+    import resource
+
+    assert main(["run", "s.toml", "--no-pictures", "-q"]) == 0  # kernels are on the disk
+    code = "import sys; from cosserat_fem.cli import main; sys.exit(main(['run', 's.toml', '--no-pictures', '-q']))"
+    limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))  # noqa: E731
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, preexec_fn=limit)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == "stopped: history.vtkhdf could not be written: File too large\n"
+    out = tmp_path / "out" / "s"
+    assert sorted(p.name for p in out.iterdir()) == ["hinge_torque.csv", "reactions.csv", "scene.toml", "summary.json"]
+    assert "File too large" in json.loads((out / "summary.json").read_text())["reason"]
+
+
+def test_summary_that_cannot_be_written_is_told(scene, tmp_path, monkeypatch, capsys):
+    from cosserat_fem.run import _Writer
+
+    inner = _Writer.summary
+
+    def full(self, status, *arguments):
+        if status != "running":
+            raise OSError(28, "No space left on device")
+        inner(self, status, *arguments)
+
+    monkeypatch.setattr(_Writer, "summary", full)
+    assert main(["run", "s.toml", "--no-pictures"]) == 1
+    said = capsys.readouterr()
+    assert said.err == "stopped: summary.json could not be written: No space left on device\n"
+    assert "Results in" in said.out
+
+
+def test_out_of_memory_is_one_line(scene, tmp_path, monkeypatch, capsys):
+    """While solving, while writing, and anywhere else."""
+    from cosserat_fem import export, run
+    from cosserat_fem import scene as rooms
+
+    def full(*arguments, **options):
+        raise MemoryError("Unable to allocate 7.0 TiB")
+
+    line = "out of memory (Unable to allocate 7.0 TiB). Use fewer elements or stations.\n"
+    with monkeypatch.context() as patch:
+        patch.setattr(run, "solve_quasistatic", full)
+        assert main(["run", "s.toml", "--no-pictures", "-q"]) == 1
+    assert capsys.readouterr().err == f"stopped: {line}"
+    with monkeypatch.context() as patch:
+        patch.setattr(export, "_put", full)
+        assert main(["run", "s.toml", "--no-pictures", "-q"]) == 1
+    assert capsys.readouterr().err == f"stopped: history.vtkhdf could not be written: {line}"
+    assert json.loads((tmp_path / "out" / "s" / "summary.json").read_text())["status"] == "stopped"
+    monkeypatch.setattr(rooms, "load_scene", full)
+    assert main(["check", "s.toml"]) == 1
+    assert capsys.readouterr().err == line
+
+
+def test_fault_of_the_system_is_one_line(scene, monkeypatch, capsys):
+    from cosserat_fem import scene as rooms
+
+    def full(*arguments):
+        raise OSError(5, "Input/output error", "disk")
+
+    monkeypatch.setattr(rooms, "load_scene", full)
+    assert main(["check", "s.toml"]) == 1
+    assert capsys.readouterr().err == "disk: Input/output error.\n"
+
+
+def test_results_are_claimed_only_if_there_are_any(scene, tmp_path, monkeypatch, capsys):
+    """Interrupted or lost before the first station: no folder of results is named."""
+    import cosserat_fem as cf
+    from cosserat_fem import run
+
+    for error, said in ((KeyboardInterrupt(), "interrupted"), (cf.ConvergenceError("lost"), "lost")):
+
+        def stop(*arguments, error=error, **options):
+            raise error
+
+        monkeypatch.setattr(run, "solve_quasistatic", stop)
+        assert main(["run", "s.toml"]) == 1
+        told = capsys.readouterr()
+        assert told.out == "s\n"
+        assert told.err == f"stopped: {said}\n"
+        assert json.loads((tmp_path / "out" / "s" / "summary.json").read_text())["reason"] == said
+
+
 def test_static_scene(scene, tmp_path):
-    scene.write_text(
-        SCENE.replace('kind = "quasistatic"\nduration = "2 s"', 'kind = "static"\nt = "1 s"').replace(
-            '[output]\nevery = "0.5 s"\n', ""
-        )
-    )
+    scene.write_text(STATIC)
     assert main(["run", "s.toml", "--no-pictures", "-q"]) == 0
     assert json.loads((tmp_path / "out" / "s" / "summary.json").read_text())["stations"]["first"] == 1.0
 
@@ -214,10 +358,11 @@ def test_init_copies_a_scene_that_runs(tmp_path, monkeypatch, capsys):
 
 
 def test_export_and_render_need_a_run(scene, tmp_path, capsys):
-    assert main(["export", str(tmp_path)]) == 2
-    assert "is not a history file" in capsys.readouterr().err
-    assert main(["render", str(tmp_path)]) == 2
-    assert "is not the folder of a run" in capsys.readouterr().err
+    for command in ("export", "render"):
+        assert main([command, str(tmp_path)]) == 2
+        assert "is not the folder of a run" in capsys.readouterr().err
+        assert main([command, "none"]) == 2
+        assert capsys.readouterr().err == "none: there is no such folder.\n"
     assert main(["run", "s.toml", "--no-pictures", "-q"]) == 0
     assert main(["export", "out/s", "--format", "pdv"]) == 2
     assert "Did you mean 'pvd'" in capsys.readouterr().err
@@ -241,6 +386,17 @@ def test_info(capsys):
     assert said.startswith("cosserat_fem ")
     assert "numba" in said
     assert "compiled kernels in" in said
+
+
+def test_info_without_a_folder_for_kernels(monkeypatch, capsys):
+    from cosserat_fem.kernels import condense
+
+    class Compiled:
+        _cache = None
+
+    monkeypatch.setattr(condense, "assemble", Compiled)
+    assert main(["info"]) == 0
+    assert capsys.readouterr().out.endswith("compiled kernels are not kept: no folder for them can be written\n")
 
 
 @pytest.mark.parametrize("arguments", [["runn"], ["run", "--nope"], ["check"], ["render", "x", "--step", "one"]])
@@ -286,4 +442,8 @@ def test_missing_opengl_is_explained(monkeypatch, tmp_path):
         returncode, stdout, stderr = -11, "", ""
 
     monkeypatch.setattr(run.subprocess, "run", lambda *a, **k: Died)
-    assert "apt-get install libegl1" in run.draw(tmp_path)
+    assert "apt-get install libegl1" in run.draw(tmp_path).problem
+    Died.returncode = -9
+    assert "killed" in run.draw(tmp_path).problem
+    Died.returncode = -2
+    assert "interrupted" in run.draw(tmp_path).problem

@@ -103,6 +103,16 @@ def test_parts_move(run):
     assert (mesh.cell_data["part"] == 0).all()
 
 
+def test_parts_that_hold_nothing_are_written_if_given(run, tmp_path):
+    folder, history = run
+    idle = cf.Part("idle", folder / "part.stl")
+    export.write_parts(history, tmp_path / "parts.vtkhdf", [*history.model.parts, idle])
+    stored = export.read_history(tmp_path / "parts.vtkhdf")
+    assert stored.about["parts"] == ["arm", "idle"]
+    assert stored.fields.points.shape == (3, 8, 3)
+    np.testing.assert_allclose(stored.fields.points[2, 4:].max(axis=0), 1)
+
+
 def test_stored_history_equals_fields(run):
     folder, history = run
     stored = export.read_history(folder / "history.vtkhdf")
@@ -115,8 +125,10 @@ def test_stored_history_equals_fields(run):
 
 def test_not_a_history(tmp_path):
     (tmp_path / "x.vtkhdf").write_text("nothing")
-    with pytest.raises(cf.CosseratError, match="is not a history file"):
+    with pytest.raises(cf.CosseratError, match=r"x.vtkhdf: is not a history file of this program, or is damaged.$"):
         export.read_history(tmp_path / "x.vtkhdf")
+    with pytest.raises(cf.CosseratError, match="there is no such file"):
+        export.read_history(tmp_path / "none.vtkhdf")
 
 
 def test_pvd(run):

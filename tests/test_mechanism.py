@@ -70,13 +70,19 @@ def test_path_from_csv(tmp_path):
     file = tmp_path / "motion.csv"
     file.write_text("time,x,y,z,qw,qx,qy,qz\n0,0,0,0,1,0,0,0\n1,0.5,0,0,1,0,0,0\n")
     np.testing.assert_allclose(cf.Path.read(file).pose(0.5)[1], (0.25, 0, 0))
-    file.write_text("0,0,0\n1,0.5,0\n")
-    with pytest.raises(cf.MeshError, match="must have 8 columns"):
-        cf.Path.read(file)
-    file.write_text("time,x\n0,abc\n")
-    with pytest.raises(cf.MeshError, match="not a table of numbers"):
-        cf.Path.read(file)
-    with pytest.raises(cf.MeshError, match="cannot read"):
+    file.write_text("qx,qy,qz,qw,time,z,y,x\n0,0,0,1,0,0,0,0\n0,0,0,1,1,0,0,0.5\n")
+    np.testing.assert_allclose(cf.Path.read(file).pose(0.5)[1], (0.25, 0, 0))
+    for text, message in (
+        ("0,0,0\n1,0.5,0\n", "row 1: has 3 cells, not the 8 columns time, x, y, z, qw, qx, qy, qz"),
+        ("time,x\n0,abc\n", "row 1: has 2 cells"),
+        ("", "holds no row of numbers"),
+        ("0,0,0,0,1,0,0,0\n1,0,0,0,2,0,0,0\n", "quaternion 1 has length 2"),
+        ("0,0,0,0,1,0,0,0\n0,0,0,0,1,0,0,0\n", "times must increase"),
+    ):
+        file.write_text(text)
+        with pytest.raises(cf.MeshError, match=f"path: motion file '.*motion.csv'.*{message}"):
+            cf.Path.read(file)
+    with pytest.raises(cf.MeshError, match="motion file '.*none.csv' does not exist"):
         cf.Path.read(tmp_path / "none.csv")
 
 
@@ -126,7 +132,7 @@ def test_surface_is_read_and_flipped_facets_repaired(tmp_path):
     assert volume == pytest.approx(1e-9 / 6)  # outwards, and in millimetres
 
 
-def test_bad_surfaces(tmp_path):
+def test_bad_surfaces(tmp_path, capfd):
     """Each: one clear sentence; nothing silently accepted."""
     cases = {
         "open.stl": (TETRAHEDRON, FACES[:3], "not watertight .3 open edges of 3 triangles"),
@@ -136,9 +142,15 @@ def test_bad_surfaces(tmp_path):
         save(tmp_path / name, points, faces)
         with pytest.raises(cf.MeshError, match=message):
             cf.Part("p", tmp_path / name).read_mesh()
+    save(tmp_path / "whole.stl", TETRAHEDRON, FACES)
     (tmp_path / "text.stl").write_text("this is not a mesh\n")
-    with pytest.raises(cf.MeshError, match=r"holds no surface|cannot be read"):
-        cf.Part("p", tmp_path / "text.stl").read_mesh()
+    (tmp_path / "empty.stl").write_text("")
+    (tmp_path / "cut.stl").write_bytes((tmp_path / "whole.stl").read_bytes()[:130])
+    capfd.readouterr()
+    for name in ("text.stl", "empty.stl", "cut.stl"):
+        with pytest.raises(cf.MeshError, match=r"holds no surface|cannot be read|not watertight"):
+            cf.Part("p", tmp_path / name).read_mesh()
+    assert capfd.readouterr() == ("", "")  # the fault is said once, by us
     (tmp_path / "some.xyz").write_text("1 2 3\n")
     with pytest.raises(cf.MeshError, match="cannot be read as a surface"):
         cf.Part("p", tmp_path / "some.xyz").read_mesh()

@@ -96,7 +96,8 @@ def test_as_drawn_is_scaled_to_the_length():
     [
         ({"length": 0.0}, "rod 'r': length: must be greater than 0"),
         ({"length": np.nan}, "length: must be a finite number"),
-        ({"n_elements": 0}, "n_elements: must be an integer of at least 1"),
+        ({"n_elements": 0}, "n_elements: must be an integer from 1 to 2000000"),
+        ({"n_elements": 2_000_001}, r"n_elements: must be an integer from 1 to 2000000 \(got 2000001\)"),
         ({"n_elements": 2.5}, "n_elements: must be an integer"),
         ({"order": 7}, "order: must be an integer from 1 to 6"),
         ({"rest": "bent"}, "rest must be 'straight', 'as_drawn', numbers or a function"),
@@ -123,9 +124,9 @@ def test_read_csv(tmp_path):
     rod = cf.Rod.read(file, "r", SECTION, unit=1e-3, n_elements=3)
     np.testing.assert_allclose(rod.points[-1], (0.02, 0.005, 0))
     for text, message in (
-        ("x,y\n1,2\n", "three columns"),
-        ("a\nb\n", "not a table of numbers"),
-        ("", "three columns|at least two"),
+        ("x,y\n1,2\n", "row 1: has 2 cells, not the 3 columns x, y, z"),
+        ("a\nb\n", "row 1: has 1 cell, not the 3 columns x, y, z"),
+        ("", "holds no row of numbers; it needs the columns x, y, z"),
         ("0,0,0\n", "at least two points"),
         ("0,0,0\nnan,0,0\n", "finite"),
     ):
@@ -155,7 +156,7 @@ def test_read_line_mesh(tmp_path, kind):
     np.testing.assert_allclose(np.diff(found[:, 0]) * np.sign(found[-1, 0] - found[0, 0]), 1)
 
 
-def test_bad_line_meshes(tmp_path):
+def test_bad_line_meshes(tmp_path, capfd):
     import meshio
 
     square = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (5, 5, 5), (6, 5, 5)], dtype=float)
@@ -173,6 +174,10 @@ def test_bad_line_meshes(tmp_path):
     (tmp_path / "junk.vtu").write_text("<not xml")
     (tmp_path / "junk.xyz").write_text("1 2 3")
     (tmp_path / "junk.msh").write_text("$MeshFormat\nnonsense\n")
-    for name in ("junk.vtu", "junk.xyz", "junk.msh"):
-        with pytest.raises(cf.MeshError, match="cannot be read"):
+    (tmp_path / "junk.vtp").write_text("<not xml")
+    (tmp_path / "junk.vtk").write_text("# vtk DataFile Version 3.0\nnonsense\n")
+    capfd.readouterr()
+    for name in ("junk.vtu", "junk.xyz", "junk.msh", "junk.vtp", "junk.vtk"):
+        with pytest.raises(cf.MeshError, match="cannot be read|holds no line"):
             cf.Rod.read(tmp_path / name, "r", SECTION)
+    assert capfd.readouterr() == ("", "")  # the fault is said once, by us

@@ -220,3 +220,104 @@ def test_bad_models():
         cf.Model([rod], rotation="euler")
     with pytest.raises(cf.SceneError, match="welds need rotation"):
         cf.Model([rod, other], [cf.Weld(rod, "start", other, "start")], rotation="kardan")
+
+
+def twisted(motion):
+    """Straight rod along x, one end turned about its own axis."""
+    section = cf.Section.round(0.01, youngs_modulus=1e8)
+    rod = cf.Rod("rod", section, [(0, 0, 0), (1, 0, 0)], n_elements=6)
+    part = cf.Part("part", motion=motion)
+    return cf.Model([rod], [cf.Clamp(rod, "start"), cf.Clamp(rod, "end", to=part)]), section
+
+
+@pytest.mark.parametrize("times", [[3.0], [4.0], [0.0, 4.0], [0.0, 3.0, 4.0]])
+def test_more_than_half_a_turn_keeps_its_sense(times):
+    """90 deg/s about the rod: a torque of GJ angle / L, not that of the shorter way round."""
+    model, section = twisted(cf.Hinge((0, 0, 0), (1, 0, 0), np.pi / 2))
+    torque = cf.solve_quasistatic(model, times).hinge_torque("part")[-1]
+    assert torque == pytest.approx(section.moment_stiffness[2] * np.pi / 2 * times[-1], rel=1e-5)
+    assert cf.solve_static(model, t=times[-1]).hinge_torque("part")[0] == pytest.approx(torque, rel=1e-9)
+
+
+def test_whole_turns_of_a_path_function_are_seen():
+    def turn(t):
+        return (1, 0, 0), (np.cos(np.pi * t), np.sin(np.pi * t), 0, 0)
+
+    model, section = twisted(cf.Path(turn))
+    for times in ([0, 1], [0, 0.75, 1], [1]):
+        moment = cf.solve_quasistatic(model, times).reaction("rod.end@part")[-1, 3]
+        assert moment == pytest.approx(section.moment_stiffness[2] * 2 * np.pi, rel=1e-5)
+
+
+@pytest.mark.parametrize("length", [1.2, 2.0])
+def test_straight_drawing_of_a_longer_cable_buckles_to_a_stable_state(length):
+    section = cf.Section.round(0.01, youngs_modulus=1e8)
+    rod = cf.Rod("rod", section, [(0, 0, 0), (1, 0, 0)], length=length)
+    history = cf.solve_static(cf.Model([rod], [cf.Clamp(rod, "start"), cf.Clamp(rod, "end")]))
+    assert history.stable == [True]
+    assert np.linalg.norm(history.reaction("rod.end@ground")[0, :3]) < 10
+    assert "left for a stable one" in history.model.warnings[0]
+
+
+def test_neutral_motion_is_not_unstable():
+    """A half loop between coaxial clamps turns freely about their axis."""
+    section = cf.Section.round(0.004, youngs_modulus=5e8, poisson_ratio=0.3)
+    ends = {"start_tangent": (1, 0, 0), "end_tangent": (1, 0, 0)}
+    rod = cf.Rod("cable", section, [(0, 0, 0), (0.1, -0.1, 0), (0.2, 0, 0)], **ends)
+    history = cf.solve_static(cf.Model([rod], [cf.Clamp(rod, "start"), cf.Clamp(rod, "end")]))
+    assert history.stable == [True]
+    assert history.model.warnings == []
+
+
+def test_interrupted_travel_keeps_what_it_found():
+    model = hinge_cable(0.8)
+
+    def callback(k, state):
+        if k == 3:
+            raise KeyboardInterrupt
+
+    history = cf.solve_quasistatic(model, np.arange(10.0), callback=callback)
+    assert len(history) == 4
+    assert history.status == "stopped"
+    assert "interrupted after t = 3 s" in history.message
+
+
+def test_start_must_be_a_state_of_the_model():
+    other = cf.solve_static(twisted(None)[0])
+    for start in (other.final, other):
+        with pytest.raises(ValueError, match="must be a State of this model"):
+            cf.solve_static(column(0.5), start=start)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda rod: cf.Model(rod), "rods must be a list"),
+        (lambda rod: cf.Model(["rod"]), "rods holds Rod"),
+        (lambda rod: cf.Model([rod], [cf.Clamp]), "supports holds Clamp, Pin or Weld"),
+        (lambda rod: cf.Model([rod], [], ["gravity"]), "terms holds loads"),
+        (lambda rod: cf.PointLoad("rod", "end"), "rod must be a Rod"),
+        (lambda rod: cf.LineLoad("rod"), "rod must be a Rod"),
+        (lambda rod: cf.LineLoad(rod, profile=3), "profile must be a function"),
+        (lambda rod: cf.LineLoad(rod, profile=([0.2, 0.6], [1, 1])), "must run along the whole rod"),
+        (lambda rod: cf.Part("part", motion="hinge"), "motion must be a Hinge"),
+        (lambda rod: cf.Rod("r", rod.section, [(0, 0, 0), (1.2, 0, 0), (0.7, 0, 0), (1, 0, 0)]), "folds back"),
+    ],
+)
+def test_wrong_members(make, message):
+    rod = twisted(None)[0].rods[0]
+    with pytest.raises(ValueError, match=message):
+        make(rod)
+
+
+def test_step_of_a_line_load_gets_a_node():
+    rod = twisted(None)[0].rods[0]
+    load = cf.LineLoad(rod, force=(0, 1, 0), profile=([0, 0.37, 0.37, 1], [1, 1, 0, 0]))
+    history = cf.solve_static(cf.Model([rod], [cf.Clamp(rod, "start")], [load]))
+    assert history.reaction("rod.start@ground")[0, 1] == pytest.approx(-0.37, rel=1e-12)
+
+
+def test_gravity_on_a_rod_without_mass_warns():
+    rod = twisted(None)[0].rods[0]
+    model = cf.Model([rod], [cf.Clamp(rod, "start")], [cf.Gravity((0, 0, -9.81))])
+    assert "has no mass, so gravity does not act on it" in model.warnings[0]

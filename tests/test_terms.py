@@ -167,7 +167,7 @@ def test_tables_and_functions_of_time():
         (lambda r: cf.Gravity((0, 0, float("nan"))), "must be finite"),
         (lambda r: cf.LineLoad(r, F, components="tangential"), "components must be 'all' or 'normal'"),
         (lambda r: cf.LineLoad(r, (1, 2)), "line load on rod 'r': force: must have shape"),
-        (lambda r: cf.LineLoad(r, F, profile=([1, 0], [1, 1])), "places of the profile must not decrease"),
+        (lambda r: cf.LineLoad(r, F, profile=([1, 0], [1, 1])), "profile places must not decrease"),
         (lambda r: cf.PointLoad(r, 9.0), "at = 9 m is not on rod 'r'"),
         (lambda r: cf.PointLoad(r, "end", force=([1, 0], [F, F])), "times must increase"),
     ],

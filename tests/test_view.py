@@ -1,5 +1,6 @@
 """Pictures and plots from a run folder; skipped where there is no software OpenGL."""
 
+import re
 import subprocess
 import sys
 
@@ -64,15 +65,47 @@ def test_render(run):
 
 @pytest.mark.render
 @pytest.mark.usefixtures("opengl")
-def test_film(run):
+def test_film(run, tmp_path, capsys):
     from PIL import Image
 
     assert main(["render", str(run), "--film"]) == 0
     [film] = [p for p in (run / "pictures").iterdir() if p.stem == "film"]
+    assert capsys.readouterr().out == f"Film in {film}\n"
     if film.suffix == ".webp":
         with Image.open(film) as image:
             assert image.n_frames == 5
     assert film.stat().st_size > 1000
+    # the name that is told is the one that was written
+    assert main(["render", str(run), "--film", "--out", str(tmp_path / "x.xyz")]) == 0
+    [film] = tmp_path.iterdir()
+    assert film.suffix in (".webp", ".mp4")
+    assert capsys.readouterr().out == f"Film in {film}\n"
+
+
+@pytest.mark.render
+@pytest.mark.usefixtures("opengl")
+def test_out_alone_draws_the_last_state(run, tmp_path, capsys):
+    for name in ("one.png", "TWO.JPG"):
+        assert main(["render", str(run), "--out", str(tmp_path / name)]) == 0
+        assert capsys.readouterr().out == f"Picture in {tmp_path / name}\n"
+        assert colours(tmp_path / name)[0] > 10
+    assert main(["render", str(run), "--step", "-1", "--out", str(tmp_path / "last.png")]) == 0
+    assert (tmp_path / "last.png").read_bytes() == (tmp_path / "one.png").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("one.xyz", r"a picture is written as .png, .*\(got .xyz\)"),
+        ("one", r"a picture is written as .png, .*\(got no suffix\)"),
+        ("none/one.png", "there is no folder '.*none'. Make it first"),
+        ("", "is a folder; name a file in it"),
+    ],
+)
+def test_out_that_cannot_be_written(run, tmp_path, capsys, name, message):
+    assert main(["render", str(run), "--out", str(tmp_path / name)]) == 2
+    assert re.fullmatch(f"--out {re.escape(str(tmp_path / name))}: {message}.\n", capsys.readouterr().err)
+    assert not list(tmp_path.iterdir())
 
 
 def test_swept_section_has_its_size_and_twist(run):

@@ -11,6 +11,7 @@ another. So the stamp of every kernel is the content of all of them.
 from __future__ import annotations
 
 import hashlib
+import logging
 import pathlib
 import time
 from collections.abc import Callable
@@ -18,6 +19,8 @@ from typing import Any
 
 from numba import njit
 from numba.core.event import Listener, register, unregister
+
+log = logging.getLogger(__name__)
 
 
 def _stamp() -> str:
@@ -30,7 +33,20 @@ def _stamp() -> str:
 STAMP = _stamp()
 
 
-OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": {"contract"}}
+def _can_keep() -> bool:
+    """False if there is no folder to keep compiled code in; then every start compiles, which is said once."""
+    try:
+        njit(cache=True)(_stamp)
+    except RuntimeError:  # numba: no locator available
+        log.warning(
+            "no writable folder for compiled code: every start compiles again (about 20 s). Set NUMBA_CACHE_DIR to a "
+            "folder that can be written."
+        )
+        return False
+    return True
+
+
+OPTIONS: dict[str, Any] = {"cache": _can_keep(), "error_model": "numpy", "fastmath": {"contract"}}
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -48,7 +64,8 @@ def inner(function: Callable[..., Any]) -> Any:
 
 
 def _stamped(compiled: Any) -> Any:
-    compiled._cache._cache_file._source_stamp = STAMP  # held by tests/kernels/test_cache.py
+    if OPTIONS["cache"]:
+        compiled._cache._cache_file._source_stamp = STAMP  # held by tests/kernels/test_cache.py
     return compiled
 
 

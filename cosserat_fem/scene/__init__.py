@@ -6,6 +6,7 @@ nothing is solved here.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import pathlib
 from dataclasses import dataclass
@@ -14,25 +15,30 @@ from typing import Any
 
 import numpy as np
 
+from ..dynamics import check_dynamic
 from ..errors import SceneError
+from ..mechanism import Part
 from ..model import Model
 from .build import Builder
-from .load import Source, read, validate
+from .load import CONTROL, Source, read, validate
 from .tables import SceneTables
 
 SHIPPED = "satellite_hinge.toml"
+IN_TIME = ("start", "velocity", "rho_inf", "rtol", "dt", "richardson")  # keys of [solve] for kind = "dynamic"
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A checked scene: its tables, its model and the times to solve for.
+    """A checked scene: its tables, its model, its parts and the times to solve for.
 
-    times (T,) [s]: stations of a quasi-static run; the one time of a static run.
+    parts: all of them, also those that hold no rod and are not in the model.
+    times (T,) [s]: stations of a quasi-static run, kept states of a run in time; the one time of a static run.
     """
 
     source: Source
     tables: SceneTables
     model: Model
+    parts: tuple[Part, ...]
     times: np.ndarray
 
     @property
@@ -44,20 +50,41 @@ class Scene:
         """Where results go unless told otherwise: `[output] folder`, else out/<name of the file>."""
         return pathlib.Path(self.tables.output.folder or pathlib.Path("out") / self.source.path.stem)
 
+    @property
+    def inputs(self) -> list[pathlib.Path]:
+        """Files that the scene is read from: its own, meshes, curves and motions."""
+        data = self.tables.model_dump(exclude_none=True)
+        return [self.source.path, *(self._file(table[key]) for table, key in _files(data))]
+
+    @property
+    def identity(self) -> str:
+        """Digest of the resolved scene and of every other file it reads."""
+        digest = hashlib.sha256(self.resolved().encode())
+        for file in self.inputs[1:]:
+            digest.update(file.read_bytes())
+        return digest.hexdigest()
+
+    def _file(self, name: str) -> pathlib.Path:
+        return (self.source.folder / name).resolve()
+
     def resolved(self) -> str:
         """The scene as TOML in SI units with every default written out and absolute paths."""
         data = self.tables.model_dump(exclude_none=True)
-        for part in data.get("part", ()):
-            if "mesh" in part:
-                part["mesh"] = str((self.source.folder / part["mesh"]).resolve())
-            if part.get("motion", {}).get("kind") == "path":
-                part["motion"]["file"] = str((self.source.folder / part["motion"]["file"]).resolve())
-        for rod in data["rod"]:
-            if "file" in rod:
-                rod["file"] = str((self.source.folder / rod["file"]).resolve())
-        for key in ("duration", "times") if data["solve"]["kind"] == "static" else ("t", "steps"):
+        for table, key in _files(data):
+            table[key] = str(self._file(table[key]))
+        kind = data["solve"]["kind"]
+        for key in ("duration", "times") if kind == "static" else ("t", "steps"):
+            data["solve"].pop(key, None)
+        for key in IN_TIME if kind != "dynamic" else ():
             data["solve"].pop(key, None)
         return to_toml(data)
+
+
+def _files(data: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
+    """Tables and keys that name a file."""
+    found = [(part, "mesh") for part in data["part"]] + [(part.get("motion", {}), "file") for part in data["part"]]
+    found += [(rod, "file") for rod in data["rod"]]
+    return [(table, key) for table, key in found if key in table]
 
 
 def shipped_scene() -> pathlib.Path:
@@ -75,10 +102,11 @@ def load_scene(path: str | os.PathLike[str] | None = None) -> Scene:
     """
     source = read(pathlib.Path(path) if path is not None else shipped_scene())
     tables = validate(source)
-    model = Builder(source, tables).model()
+    builder = Builder(source, tables)
+    model = builder.model()
     times = _times(source, tables)
-    _check_run(source, model, times)
-    return Scene(source, tables, model, times)
+    _check_run(builder, model, times)
+    return Scene(source, tables, model, tuple(builder.parts.values()), times)
 
 
 def _times(source: Source, tables: SceneTables) -> np.ndarray:
@@ -90,6 +118,13 @@ def _times(source: Source, tables: SceneTables) -> np.ndarray:
         for key in ("duration", "times"):
             if key in given:
                 faults.append(source.fault(("solve", key), f'{key} is for kind = "quasistatic"; use t.'))
+        for key in IN_TIME:
+            if key in given:
+                faults.append(source.fault(("solve", key), f'{key} is for kind = "dynamic".'))
+        if every is not None:
+            faults.append(
+                source.fault(("output", "every"), 'every is for kind = "quasistatic"; a static scene is one state.')
+            )
         if solve.steps is not None and solve.steps < 1:
             faults.append(source.fault(("solve", "steps"), f"steps must be at least 1 (got {solve.steps})."))
         if faults:
@@ -98,6 +133,12 @@ def _times(source: Source, tables: SceneTables) -> np.ndarray:
     for key in ("t", "steps"):
         if key in given:
             faults.append(source.fault(("solve", key), f'{key} is for kind = "static".'))
+    if solve.kind == "dynamic":
+        faults += _time_step(source, tables)
+    else:
+        for key in IN_TIME:
+            if key in given:
+                faults.append(source.fault(("solve", key), f'{key} is for kind = "dynamic".'))
     if (solve.times is None) == (solve.duration is None):
         faults.append(source.fault(("solve",), "needs either 'duration' (with output.every) or 'times'."))
     elif solve.times is not None:
@@ -118,33 +159,74 @@ def _times(source: Source, tables: SceneTables) -> np.ndarray:
         )
     if every is not None and not every > 0:
         faults.append(source.fault(("output", "every"), f"every must be greater than 0 (got {every:g} s)."))
+    elif every is not None and solve.times is not None:
+        reason = "every goes with solve.duration; solve.times names each station already. Remove one of them."
+        faults.append(source.fault(("output", "every"), reason))
+    elif every is not None and solve.duration is not None and every > solve.duration * (1 + 1e-9):
+        reason = f"every must be at most solve.duration, {solve.duration:g} s (got {every:g} s)."
+        faults.append(source.fault(("output", "every"), reason))
     if faults:
         raise SceneError(faults)
     if solve.times is not None:
         return np.array(solve.times)
     duration = float(solve.duration or 0.0)
     step = float(every if every is not None else duration / 100)
-    n = int(np.floor(duration / step * (1 + 1e-9)))
-    if n > 1_000_000:
-        raise SceneError(source.fault(("output", "every"), f"gives {n} stations; choose at most a million."))
+    intervals = duration / step * (1 + 1e-9)
+    if intervals > 1_000_000:
+        raise SceneError(
+            source.fault(("output", "every"), f"every gives {intervals:.3g} stations; choose at most a million.")
+        )
+    n = int(intervals)
     times = step * np.arange(n + 1)
     return times if duration - times[-1] <= 1e-9 * duration else np.append(times, duration)
 
 
-def _check_run(source: Source, model: Model, times: np.ndarray) -> None:
+def _time_step(source: Source, tables: SceneTables) -> list[str]:
+    """Faults of the keys that only a run in time has."""
+    solve, faults = tables.solve, []
+    if solve.rtol is not None and solve.dt is not None:
+        faults.append(source.fault(("solve", "dt"), "give rtol (steps of their own length) or dt, not both."))
+    for key in ("rtol", "dt"):
+        value = getattr(solve, key)
+        if value is not None and not value > 0:
+            faults.append(source.fault(("solve", key), f"{key} must be greater than 0 (got {value:g})."))
+    if solve.richardson and solve.dt is None:
+        faults.append(source.fault(("solve", "richardson"), "richardson goes with dt: it runs with dt and dt / 2."))
+    if not 0.0 <= solve.rho_inf <= 1.0:
+        faults.append(source.fault(("solve", "rho_inf"), f"rho_inf must be from 0 to 1 (got {solve.rho_inf:g})."))
+    if solve.rotation == "kardan":
+        faults.append(source.fault(("solve", "rotation"), 'a run in time needs rotation = "quaternion".'))
+    if solve.times and solve.times[0] < 0:
+        faults.append(source.fault(("solve", "times"), f"a run in time starts at 0 s (got {solve.times[0]:g} s)."))
+    return faults
+
+
+def _check_run(builder: Builder, model: Model, times: np.ndarray) -> None:
     """Faults that show only when parts and loads are asked for values: short tables, too few supports."""
-    faults = []
-    try:
-        for t in times:
-            model.constraints.targets(float(t))
-        for t in (times[0], times[-1]):
-            model.external(model.initial_state(float(t)), tangent=False)
-    except ValueError as error:
-        faults.append(source.place(str(error)))
-    free = [text for text, translation in model.free_motions if translation or not model.terms]
-    faults += [
-        source.fault(("support",), f"too few supports: {text}. Hold that motion with a clamp or pin.") for text in free
-    ]
+    ends = [float(times[0]), float(times[-1])]  # a table that has both has all between
+    faults = builder.faults_at(model, ends)
+    if not faults:
+        try:
+            for t in ends:
+                model.constraints.targets(t)
+                model.external(model.initial_state(t), tangent=False)
+            free = [text for text, translation in model.free_motions if translation or not model.terms]
+            if builder.tables.solve.kind == "dynamic":
+                check_dynamic(model, ends)
+                if builder.tables.solve.start == "drawn":
+                    free = []
+        except ValueError as error:
+            raise SceneError(builder.place(str(error))) from None
+        except SceneError as error:
+            raise SceneError([builder.place(fault) for fault in error.faults]) from None
+        faults = [
+            builder.source.fault(
+                ("support",),
+                f"too few supports: {text}. Hold that motion with a clamp or pin"
+                + (', or set start = "drawn".' if builder.tables.solve.kind == "dynamic" else "."),
+            )
+            for text in free
+        ]
     if faults:
         raise SceneError(faults)
 
@@ -173,9 +255,7 @@ def _literal(value: Any) -> str:
         return "true" if value else "false"
     if isinstance(value, str):
         escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        for char, code in (("\n", "\\n"), ("\t", "\\t"), ("\r", "\\r")):
-            escaped = escaped.replace(char, code)
-        return f'"{escaped}"'
+        return '"' + CONTROL.sub(lambda char: f"\\u{ord(char.group()):04x}", escaped) + '"'
     if isinstance(value, dict):
         return "{ " + ", ".join(f"{k} = {_literal(v)}" for k, v in value.items()) + " }"
     if isinstance(value, list | tuple | np.ndarray):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import pathlib
 import re
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from ..model import Model
 from ..rod import Rod, read_curve
 from ..section import Section
 from ..support import Clamp, Pin, Support, Weld
-from ..terms import Gravity, LineLoad, PointLoad, Term
+from ..terms import Damping, Drag, Electrostatic, Gravity, LineLoad, PointLoad, Term
 from . import lines
 from .load import Source, short, sorted_faults
 from .tables import (
@@ -35,6 +36,8 @@ from .tables import (
     WeldTable,
 )
 
+TYPED = 1e-6  # part of a length that may be missing in a typed number
+
 
 class Builder:
     """Objects of one scene, and the faults met on the way."""
@@ -45,29 +48,75 @@ class Builder:
         self.sections: dict[str, Section] = {}
         self.rods: dict[str, Rod] = {}
         self.parts: dict[str, Part] = {}
+        self._welded: dict[frozenset[tuple[str, float]], int] = {}
         self._unique()
         self._each("section", tables.section, self._section, self.sections)
         self._each("part", tables.part, self._part, self.parts)
         self._each("rod", tables.rod, self._rod, self.rods)
         supports: dict[int, Support | Weld] = {}
         self._each("support", tables.support, self._support, supports)
-        self.supports = list(supports.values())
-        terms: dict[int, Term] = {}
-        if tables.gravity is not None:
-            terms[-1] = Gravity(tables.gravity.acceleration)
-        self._each("load", tables.load, self._load, terms)
-        self.terms = list(terms.values())
+        self.supports = supports
+        self.loads: dict[int, Term] = {}
+        self._each("load", tables.load, self._load, self.loads)
+        self.others: dict[tuple[str, int], Term] = {}
+        for name, entries, make in (
+            ("damping", tables.damping, self._damping),
+            ("drag", tables.drag, self._drag),
+            ("electrostatic", tables.electrostatic, self._electrostatic),
+        ):
+            made: dict[int, Term] = {}
+            self._each(name, entries, make, made)
+            self.others |= {(name, k): term for k, term in made.items()}
+        if tables.solve.rotation == "kardan" and any(isinstance(table, WeldTable) for table in tables.support):
+            reason = 'welds need rotation = "quaternion"; Kardan angles cannot join two rods at an angle.'
+            self.faults.append(source.fault(("solve", "rotation"), reason))
 
     def model(self) -> Model:
         """The model. SceneError with all faults if there are any."""
         if self.faults:
             raise SceneError(sorted_faults(self.faults))
+        terms: list[Term] = [*self.loads.values(), *self.others.values()]
+        if self.tables.gravity is not None:
+            terms.insert(0, Gravity(self.tables.gravity.acceleration))
+        supports = list(self.supports.values())
         try:
-            return Model(list(self.rods.values()), self.supports, self.terms, rotation=self.tables.solve.rotation)
+            return Model(list(self.rods.values()), supports, terms, rotation=self.tables.solve.rotation)
         except KardanError as error:
             raise SceneError(self.source.fault(("solve", "rotation"), str(error))) from None
         except SceneError as error:
-            raise SceneError([self.source.place(fault) for fault in error.faults]) from None
+            raise SceneError([self.place(fault) for fault in error.faults]) from None
+
+    def place(self, message: str) -> str:
+        """A message of the model, ``support 'a.end@door': ...``, at the line of the table it names."""
+        match = re.match(r"(\w+) (['\"])(.*?)\2: ", message)
+        named: dict[tuple[str, str], lines.Path] = {
+            ("rod", rod.name): ("rod", k) for k, rod in enumerate(self.tables.rod)
+        }
+        named |= {("part", part.name): ("part", k) for k, part in enumerate(self.tables.part)}
+        named |= {("support", str(h.name)): ("support", k) for k, h in self.supports.items() if isinstance(h, Support)}
+        path = named.get((match.group(1), match.group(3)), ()) if match else ()
+        return f"{self.source.path}:{self.source.lines.line_of(path)}: {message}"
+
+    def faults_at(self, model: Model, times: Iterable[float]) -> list[str]:
+        """Parts and loads that have no value at one of these times."""
+        faults = []
+        for k, part in enumerate(self.parts.values()):
+            faults += self._first_fault(("part", k), part.pose, times)
+        for k, load in self.loads.items():
+            faults += self._first_fault(("load", k), partial(self._act, load, model), times)
+        return faults
+
+    @staticmethod
+    def _act(load: Term, model: Model, t: float) -> None:
+        load(model.initial_state(t), model.space, tangent=False)
+
+    def _first_fault(self, path: lines.Path, value: Callable[[float], Any], times: Iterable[float]) -> list[str]:
+        try:
+            for t in times:
+                value(t)
+        except ValueError as error:
+            return [self._bare(path, str(error))]
+        return []
 
     def _each(self, table: str, entries: Iterable[Any], make: Callable[[Any, lines.Path], Any], into: dict) -> None:
         for k, entry in enumerate(entries):
@@ -75,7 +124,7 @@ class Builder:
             try:
                 made = make(entry, path)
             except MeshError as error:
-                self.faults += [self._bare(path, fault, ("mesh", "file")) for fault in error.faults]
+                self.faults += [self._bare(path, fault, ("file",)) for fault in error.faults]
             except ValueError as error:
                 self.faults.append(self._bare(path, str(error)))
             else:
@@ -89,6 +138,7 @@ class Builder:
         text = re.sub(
             r"^(section|rod|part|clamp|pin|weld|support|point load|line load)( on rod)?( '[^']*')?: ", "", message
         )
+        text = re.sub(r"^path: motion file", "motion file", text)
         text = re.sub(r"^(hinge|slider|path): ", "motion.", text)
         match = re.match(r"(motion\.)?(\w+)\b", text)
         key = match.group(2) if match else ""
@@ -163,23 +213,23 @@ class Builder:
         if table.mesh is not None:
             mesh = (self.source.folder / table.mesh).resolve()
             try:
-                read_surface(mesh, f"part {table.name!r}")
+                read_surface(self.source.folder / table.mesh, f"part {table.name!r}")
             except MeshError as error:  # the motion may be faulty too
                 self.faults += [self._bare(path, fault, ("mesh",)) for fault in error.faults]
         motion: Any = None
         if isinstance(table.motion, HingeTable):
-            motion = Hinge(table.motion.point, table.motion.axis, table.motion.angle)
+            motion = Hinge(table.motion.point, table.motion.axis, table.motion.angle, table.motion.smooth)
         elif isinstance(table.motion, SliderTable):
-            motion = Slider(table.motion.axis, table.motion.travel)
+            motion = Slider(table.motion.axis, table.motion.travel, table.motion.smooth)
         elif isinstance(table.motion, PathTable):
-            motion = Path.read(self.source.folder / table.motion.file)
+            motion = Path.read(self.source.folder / table.motion.file, smooth=table.motion.smooth)
         return Part(table.name, mesh, table.mesh_unit, motion)
 
     def _support(self, table: Any, path: lines.Path) -> Support | Weld | None:
         rod = self._find(self.rods, self.tables.rod, table.rod, "rod", (*path, "rod"))
         if isinstance(table, WeldTable):
             other = self._find(self.rods, self.tables.rod, table.other, "rod", (*path, "other"))
-            return Weld(rod, table.at, other, table.other_at) if rod is not None and other is not None else None
+            return self._weld(table, rod, other, path) if rod is not None and other is not None else None
         part = GROUND
         if table.to != "ground":
             part = self._find(self.parts, self.tables.part, table.to, "part", (*path, "to"))
@@ -189,11 +239,63 @@ class Builder:
         frame = None if table.frame is None else np.array(table.frame).T
         return make(rod, table.at, part, tuple(table.free), frame, table.name)
 
+    def _weld(self, table: WeldTable, rod: Rod, other: Rod, path: lines.Path) -> Weld:
+        weld = Weld(rod, table.at, other, table.other_at)
+        places = ((rod, rod.place(table.at, "weld")), (other, other.place(table.other_at, "weld")))
+        ends = frozenset((rod.name, round(s / rod.length, 9)) for rod, s in places)
+        number = int(path[1])
+        first = self._welded.setdefault(ends, number)
+        if first != number:
+            line = self.source.lines.line_of(("support", first))
+            raise ValueError(f"welds what support {first + 1} in line {line} welds already. Remove one of them.")
+        return weld
+
+    def _damping(self, table: Any, path: lines.Path) -> Term | None:
+        rod = None
+        if table.rod is not None:
+            rod = self._find(self.rods, self.tables.rod, table.rod, "rod", (*path, "rod"))
+            if rod is None:
+                return None
+        strains = (*(table.force_strains or (0.0,) * 3), *(table.moment_strains or (0.0,) * 3))
+        return Damping(strains, table.time, table.mass, rod)
+
+    def _drag(self, table: Any, path: lines.Path) -> Term | None:
+        rod = self._find(self.rods, self.tables.rod, table.rod, "rod", (*path, "rod"))
+        return None if rod is None else Drag(rod, **table.model_dump(exclude={"rod"}))
+
+    def _electrostatic(self, table: Any, path: lines.Path) -> Term | None:
+        rods = [
+            self._find(self.rods, self.tables.rod, getattr(table, key), "rod", (*path, key)) for key in ("rod", "other")
+        ]
+        if any(rod is None for rod in rods):
+            return None
+        return Electrostatic(*rods, **table.model_dump(exclude={"rod", "other"}))
+
     def _load(self, table: Any, path: lines.Path) -> Term | None:
         rod = self._find(self.rods, self.tables.rod, table.rod, "rod", (*path, "rod"))
         if rod is None:
             return None
         given = table.model_dump(exclude={"kind", "rod"}, exclude_unset=True)
         if isinstance(table, LineLoadTable):
+            if table.profile is not None:
+                given["profile"] = self._profile(rod, *table.profile)
             return LineLoad(rod, **given)
         return PointLoad(rod, given.pop("at"), **given)
+
+    @staticmethod
+    def _profile(rod: Rod, places: list[Any], factors: list[float]) -> tuple[np.ndarray, list[float]]:
+        """Places in metres from the rod's start to its end, as exact as a length can be typed."""
+        length = float(rod.length)
+        s = np.array([rod.place(place, "profile") if isinstance(place, str) else place for place in places])
+        s = np.where(np.abs(s) < TYPED * length, 0.0, np.where(np.abs(s - length) < TYPED * length, length, s))
+        low, high = float(s.min()), float(s.max())
+        if low < 0.0 or high > length:
+            what = low if low < 0.0 else high
+            raise ValueError(f"profile: {what:.6g} m is not on rod {rod.name!r}, which runs from 0 to {length:.9g} m.")
+        missing = [f"{a:.6g} to {b:.6g} m" for a, b in ((0.0, low), (high, length)) if b > a]
+        if missing:
+            raise ValueError(
+                f"profile: says nothing of rod {rod.name!r} from {' and from '.join(missing)}. Add factors of 0 there if it "
+                "carries no load; 'start' and 'end' are places too."
+            )
+        return s, factors

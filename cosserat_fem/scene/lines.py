@@ -7,6 +7,8 @@ records the line of every table, key, array entry and inline table entry under i
 
 from __future__ import annotations
 
+import json
+
 Path = tuple[str | int, ...]
 
 
@@ -87,6 +89,8 @@ class Lines:
         while (char := self._peek()) and char not in end:
             if char in "\"'":
                 word = self._string()
+                if char == '"' and "\\" in word:
+                    word = _unescaped(word)
             elif char == ".":
                 keys.append(word.strip())
                 word = ""
@@ -156,3 +160,11 @@ class Lines:
                 self._next()
             self._next()
         return self._text[start:]
+
+
+def _unescaped(text: str) -> str:
+    """A quoted key with its escapes resolved; JSON's are TOML's but for two that nobody puts into a key."""
+    try:
+        return str(json.loads(f'"{text}"'))
+    except ValueError:
+        return text

@@ -23,6 +23,8 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
+CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
+
 TYPES = {
     "int_type": "must be an integer",
     "float_type": "must be a number",
@@ -52,23 +54,7 @@ class Source:
 
     def fault(self, path: Path, message: str) -> str:
         """One line for a fault: file, line, table and what is wrong."""
-        return f"{self.path.name}:{self.lines.line_of(path)}: {self.label(path)}{message}"
-
-    def place(self, message: str) -> str:
-        """A message of a model, ``part 'door': ...``, at the line of the table it names."""
-        match = re.match(r"(\w+) '([^']*)'", message)
-        entries = self.data.get(match.group(1)) if match else None
-        for k, entry in enumerate(entries if isinstance(entries, list) else []):
-            if isinstance(entry, dict) and match and self._name(match.group(1), entry) == match.group(2):
-                return f"{self.path.name}:{self.lines.line_of((match.group(1), k))}: {message}"
-        return f"{self.path.name}: {message}"
-
-    @staticmethod
-    def _name(table: str, entry: dict[str, Any]) -> Any:
-        """Name of an entry, for a support without one its default."""
-        if table == "support" and "name" not in entry:
-            return f"{entry.get('rod')}.{entry.get('at')}@{entry.get('to', 'ground')}"
-        return entry.get("name")
+        return f"{self.path}:{self.lines.line_of(path)}: {self.label(path)}{message}"
 
     def label(self, path: Path) -> str:
         """The table a path lies in, as the user knows it: ``rod "loom": `` or ``support 2: ``."""
@@ -80,7 +66,7 @@ class Source:
         entries = self.data.get(table)
         entry = entries[path[1]] if isinstance(entries, list) and path[1] < len(entries) else None
         name = entry.get("name") if isinstance(entry, dict) else None
-        return f'{table} "{name}": ' if isinstance(name, str) and name else f"{table} {path[1] + 1}: "
+        return f'{table} "{printable(name)}": ' if isinstance(name, str) and name else f"{table} {path[1] + 1}: "
 
     def value(self, path: Path) -> Any:
         """What stands at a path, or None."""
@@ -105,30 +91,51 @@ def read(path: pathlib.Path) -> Source:
         text = raw.decode("utf-8")
         data = tomllib.loads(text)
     except UnicodeDecodeError:
-        raise SceneError(f"{path.name}: is not a text file in UTF-8.") from None
+        raise SceneError(f"{path}: is not a text file in UTF-8.") from None
     except tomllib.TOMLDecodeError as error:
         place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
-        where = f"{path.name}:{place.group(1)}" if place else f"{path.name}:{text.count(chr(10)) + 1}"
+        where = f"{path}:{place.group(1)}" if place else f"{path}:{text.count(chr(10)) + 1}"
         reason = re.sub(r"\s*\(at .*\)$", "", str(error))
         raise SceneError(f"{where}: is not TOML: {reason[:1].lower()}{reason[1:]}.") from None
     except RecursionError:
-        raise SceneError(f"{path.name}: is nested too deeply.") from None
+        raise SceneError(f"{path}: is nested too deeply.") from None
     return Source(path, data, Lines(text))
 
 
 def validate(source: Source) -> SceneTables:
-    """Check shapes and units. SceneError with all faults."""
+    """Check characters, shapes and units. SceneError with all faults."""
+    faults = _control_characters(source, source.data, ())
+    if faults:
+        raise SceneError(sorted_faults(faults))
     try:
         return SceneTables.model_validate(source.data)
     except ValidationError as error:
         raise SceneError(sorted_faults([_fault(source, dict(e)) for e in error.errors()])) from None
 
 
+def _control_characters(source: Source, value: Any, path: Path) -> list[str]:
+    """Faults for strings that a terminal would obey and no file name or title can hold."""
+    if isinstance(value, str):
+        name = f"{_keys(path)} " if _keys(path) else ""
+        return (
+            [source.fault(path, f"{name}holds a control character (got {short(value)}).")]
+            if CONTROL.search(value)
+            else []
+        )
+    faults: list[str] = []
+    for key, inner in value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ():
+        if isinstance(key, str) and CONTROL.search(key):
+            faults.append(source.fault((*path, key), f"the key {key!r} holds a control character."))
+        else:
+            faults += _control_characters(source, inner, (*path, key))
+    return faults
+
+
 def sorted_faults(faults: list[str]) -> list[str]:
     """In order of lines, without repetition."""
 
     def line(fault: str) -> int:
-        match = re.match(r"[^:]*:(\d+):", fault)
+        match = re.search(r":(\d+): ", fault)
         return int(match.group(1)) if match else 0
 
     return sorted(dict.fromkeys(faults), key=line)
@@ -141,7 +148,7 @@ def _fault(source: Source, error: dict[str, Any]) -> str:
     if kind == "extra_forbidden":
         known = _known_keys(source, path[:-1])
         if len(path) == 1:
-            where = f"{source.path.name}:{source.lines.line_of(path)}"
+            where = f"{source.path}:{source.lines.line_of(path)}"
             return f"{where}: unknown table or key {str(path[0])!r}. {nearest(str(path[0]), known)}"
         return source.fault(path, f"unknown key {str(path[-1])!r}. {nearest(str(path[-1]), known)}")
     if kind == "missing":
@@ -161,7 +168,10 @@ def _fault(source: Source, error: dict[str, Any]) -> str:
     if kind in ("too_long", "too_short"):
         context = error["ctx"]
         n = context.get("max_length") if kind == "too_long" else context.get("min_length")
-        return source.fault(path, f"{name}must have {n} entries (got {context['actual_length']}).")
+        least = "at least " if kind == "too_short" else ""
+        return source.fault(
+            path, f"{name}must have {least}{n} entr{'y' if n == 1 else 'ies'} (got {context['actual_length']})."
+        )
     message = str(error["ctx"]["error"]) if kind == "value_error" else TYPES.get(kind, error["msg"])
     return source.fault(path, f"{name}{message} (got {short(given)}).")
 
@@ -223,5 +233,10 @@ def _kind(model: type[BaseModel]) -> str | None:
 
 def short(value: Any) -> str:
     """A value as the user wrote it, not too long."""
-    text = f'"{value}"' if isinstance(value, str) else " ".join(repr(value).split())
+    text = f'"{printable(value)}"' if isinstance(value, str) else " ".join(repr(value).split())
     return text if len(text) <= 50 else text[:47] + "..."
+
+
+def printable(text: str) -> str:
+    """Text with its control characters written out."""
+    return CONTROL.sub(lambda match: match.group().encode("unicode_escape").decode(), text)

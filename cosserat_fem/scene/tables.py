@@ -97,15 +97,20 @@ def _place(value: Any) -> Any:
 
 
 def _unit(value: Any) -> float:
-    return parse(f"1 {value}", "length") if isinstance(value, str) and value.isalpha() else parse(value, "length")
+    unit = parse(f"1 {value}", "length") if isinstance(value, str) and value.isalpha() else parse(value, "length")
+    if unit <= 0:
+        raise ValueError("must be greater than 0")
+    return unit
 
 
 def _profile(value: Any) -> Any:
-    if not isinstance(value, list) or len(value) != 2:
+    if not isinstance(value, list) or len(value) != 2 or not all(isinstance(entries, list) for entries in value):
         raise ValueError("must be [[places], [factors]]")
-    places, factors = _numbers(value[0], "length", 1), _numbers(value[1], "number", 1)
+    places, factors = [_place(place) for place in value[0]], _numbers(value[1], "number", 1)
     if len(places) != len(factors):
         raise ValueError(f"has {len(places)} places but {len(factors)} factors")
+    if len(places) < 2:
+        raise ValueError(f"needs at least two places, the rod's start and end (got {len(places)})")
     return places, factors
 
 
@@ -190,6 +195,7 @@ class HingeTable(Table):
     point: vector("length") = (0.0, 0.0, 0.0)
     axis: Direction
     angle: over_time("angle", 1, rate="angular rate")
+    smooth: Flag = False
 
 
 class SliderTable(Table):
@@ -198,6 +204,7 @@ class SliderTable(Table):
     kind: Literal["slider"]
     axis: Direction
     travel: over_time("length", 1, rate="speed")
+    smooth: Flag = False
 
 
 class PathTable(Table):
@@ -205,6 +212,7 @@ class PathTable(Table):
 
     kind: Literal["path"]
     file: str
+    smooth: Flag = False
 
 
 class PartTable(Table):
@@ -279,15 +287,63 @@ class LineLoadTable(Table):
     profile: custom(_profile, "[[places], [factors]]") | None = None
 
 
+class DampingTable(Table):
+    """Damping of all rods, or of one."""
+
+    rod: Name | None = None
+    time: quantity("time") = 0.0
+    force_strains: vector("impulse") | None = None
+    moment_strains: vector("bending viscosity") | None = None
+    mass: quantity("angular rate") = 0.0
+
+
+class DragTable(Table):
+    """Drag of a medium on one rod."""
+
+    rod: Name
+    normal: quantity("drag") = 0.0
+    tangential: quantity("drag") = 0.0
+    normal_quadratic: quantity("quadratic drag") = 0.0
+    tangential_quadratic: quantity("quadratic drag") = 0.0
+    spin_normal: quantity("impulse") = 0.0
+    spin_tangential: quantity("impulse") = 0.0
+    medium: over_time("speed", 3) = [0.0, 0.0, 0.0]
+
+
+class ElectrostaticTable(Table):
+    """Coulomb force between two charged rods."""
+
+    rod: Name
+    other: Name
+    charge: quantity("number")
+    other_charge: quantity("number")
+    permittivity: quantity("number") = 8.8541878188e-12
+    points: Integer = 6
+
+
+class VelocityTable(Table):
+    """Rigid motion at the start."""
+
+    v: vector("speed") = (0.0, 0.0, 0.0)
+    omega: vector("angular rate") = (0.0, 0.0, 0.0)
+    point: vector("length") = (0.0, 0.0, 0.0)
+
+
 class SolveTable(Table):
     """What to solve."""
 
-    kind: Literal["static", "quasistatic"]
+    kind: Literal["static", "quasistatic", "dynamic"]
     t: quantity("time") = 0.0
     steps: Integer | None = None
     duration: quantity("time") | None = None
     times: list[quantity("time")] | None = None
     rotation: Literal["quaternion", "kardan"] = "quaternion"
+    start: Literal["equilibrium", "drawn"] = "equilibrium"
+    velocity: VelocityTable | None = None
+    rho_inf: quantity("number") = 0.8
+    rtol: quantity("number") | None = None
+    dt: quantity("time") | None = None
+    richardson: Flag = False
 
 
 class OutputTable(Table):
@@ -303,10 +359,13 @@ class SceneTables(Table):
 
     title: str = ""
     section: list[Annotated[RoundSection | RectangleSection | GeneralSection, Field(discriminator="kind")]]
-    rod: list[RodTable]
+    rod: Annotated[list[RodTable], Field(min_length=1)]
     part: list[PartTable] = []
     support: list[Annotated[ClampTable | PinTable | WeldTable, Field(discriminator="kind")]] = []
     gravity: GravityTable | None = None
     load: list[Annotated[PointLoadTable | LineLoadTable, Field(discriminator="kind")]] = []
+    damping: list[DampingTable] = []
+    drag: list[DragTable] = []
+    electrostatic: list[ElectrostaticTable] = []
     solve: SolveTable
     output: OutputTable = OutputTable()

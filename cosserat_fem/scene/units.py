@@ -55,6 +55,10 @@ KINDS: dict[str, tuple[tuple[int, int, int], str]] = {
     "inertia per length": ((1, 1, 0), "1e-7 kg m"),
     "bending stiffness": ((3, 1, -2), "0.01 N m^2"),
     "curvature": ((-1, 0, 0), "2 1/m"),
+    "impulse": ((1, 1, -1), "0.1 N s"),
+    "bending viscosity": ((3, 1, -1), "1e-4 N m^2 s"),
+    "drag": ((-1, 1, -1), "0.2 N s/m^2"),
+    "quadratic drag": ((-2, 1, 0), "6 N s^2/m^3"),
 }
 
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")

@@ -10,16 +10,20 @@ from __future__ import annotations
 from typing import Protocol
 
 from ..space import Blocks, Space, State
+from .dissipative import Damping, Drag
+from .electric import Electrostatic
 from .external import Gravity, LineLoad, PointLoad
 
-__all__ = ["Gravity", "LineLoad", "PointLoad", "Term"]
+__all__ = ["Damping", "Drag", "Electrostatic", "Gravity", "LineLoad", "PointLoad", "Term"]
 
 
 class Term(Protocol):
     """Anything that adds to the residual.
 
     `symmetric` says whether its tangent is the Hessian of a potential for every state; only then does the solver count
-    negative eigenvalues, that is, judge stability.
+    negative eigenvalues, that is, judge stability. Optional attributes: `marks` (places that need a node), `kinks` and
+    `jumps` (times that steps must not cross), `needs_velocity`, `needs_mass`, `internal` (damping of strains), and
+    `tabulated` with `table(t, space)` (nothing but loads at nodes: the compiled time step takes them as a table).
     """
 
     @property

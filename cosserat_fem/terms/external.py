@@ -3,11 +3,7 @@
 Rule: every load acts at nodes. A line load is integrated with the shape functions (which for a constant load gives the
 Gauss-Lobatto weights); directions that depend on the rod are taken at the nodes, where the rotation is known exactly.
 That keeps tangents local to a node and the order of accuracy of the element (2 p at the nodes, p the degree).
-
-With h_j the spatial axis about which unknown j turns the section (directors for quaternions, axes of the three turns
-for Kardan angles), a force F adds -F and a moment M adds -h_j . M. Derivatives: d/dj of a following vector v is h_j x v;
-of h_i it is h_j x h_i / 2 for body rotation vectors (symmetric second order of the exponential) and h_j x h_i for j < i,
-else 0, for Kardan angles.
+Derivatives: see `kernels.loads`.
 """
 
 from __future__ import annotations
@@ -19,11 +15,36 @@ from typing import Any, Literal
 import numpy as np
 
 from ..errors import check_shape
+from ..kernels import loads
 from ..kernels.rotation import matrix_from_quaternion
 from ..rod import Rod
 from ..schedule import Schedule
 from ..space import Blocks, Space, State
 from ..support import Place
+
+NO_BLOCKS, ONE = np.empty((0, 6, 6)), np.ones(1)
+
+
+@dataclass(frozen=True, eq=False)
+class NodalLoads:
+    """Loads at one time as a table: nodes (L,), force [N] and moment [N m] (L, 3), kinds (L, 3) of truth values: force
+    follows the section, moment follows, only the part of the force normal to d3 counts."""
+
+    nodes: np.ndarray
+    force: np.ndarray
+    moment: np.ndarray
+    kinds: np.ndarray
+
+
+NO_LOADS = NodalLoads(
+    np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3), dtype=bool)
+)  # fmt: skip
+
+
+def check_rod(where: str, rod: Any) -> None:
+    """ValueError if this is no Rod."""
+    if not isinstance(rod, Rod):
+        raise ValueError(f"{where}: rod must be a Rod (got {type(rod).__name__}).")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +62,23 @@ class Gravity:
     acceleration: Any
     name: str = "gravity"
     symmetric = True
+    needs_mass = True
+    tabulated = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "acceleration", check_shape("gravity: acceleration", self.acceleration, (3,)))
 
     def __call__(self, state: State, space: Space, *, tangent: bool = True) -> Blocks:
         return space.remember(self, lambda: self._blocks(space))
+
+    def table(self, t: float, space: Space) -> NodalLoads:
+        """The weight as loads at nodes."""
+        return space.remember((self, "loads"), lambda: self._loads(space))
+
+    def _loads(self, space: Space) -> NodalLoads:
+        n = space.n_nodes
+        force = space.node_mass[:, None] * self.acceleration
+        return NodalLoads(np.arange(n), force, np.zeros((n, 3)), np.zeros((n, 3), dtype=bool))
 
     def _blocks(self, space: Space) -> Blocks:
         force = np.zeros((space.n_nodes, 1, 6))
@@ -78,26 +110,55 @@ class LineLoad:
     follower: bool = False
     profile: Callable[[float], float] | tuple[Sequence[float], Sequence[float]] | None = None
     name: str = "line load"
+    tabulated = True
     _force: Schedule = field(init=False, repr=False)
     _moment: Schedule = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        check_rod("line load", self.rod)
         where = f"line load on rod {self.rod.name!r}"
         if self.components not in ("all", "normal"):
             raise ValueError(f"{where}: components must be 'all' or 'normal' (got {self.components!r}).")
-        object.__setattr__(self, "_force", Schedule(f"{where}: force", self.force, (3,)))
-        object.__setattr__(self, "_moment", Schedule(f"{where}: moment", self.moment, (3,)))
+        object.__setattr__(self, "_force", Schedule(f"{where}: force", self.force, (3,), jumps=True))
+        object.__setattr__(self, "_moment", Schedule(f"{where}: moment", self.moment, (3,), jumps=True))
         if self.profile is not None and not callable(self.profile):
+            if not isinstance(self.profile, tuple | list) or len(self.profile) != 2:
+                raise ValueError(f"{where}: profile must be a function of s or (places, factors).")
             places, factors = self.profile
-            s = check_shape(f"{where}: places of the profile", places, (-1,))
-            check_shape(f"{where}: factors of the profile", factors, (len(s),))
+            s = check_shape(f"{where}: profile places", places, (-1,))
+            check_shape(f"{where}: profile factors", factors, (len(s),))
             if (np.diff(s) < 0).any():
-                raise ValueError(f"{where}: places of the profile must not decrease.")
+                raise ValueError(f"{where}: profile places must not decrease.")
+            length, slack = self.rod.length, 1e-9 * self.rod.length
+            if len(s) == 0 or s[0] > slack or s[-1] < length - slack or s[0] < -slack or s[-1] > length + slack:
+                span = f"{s[0]:g} m to {s[-1]:g} m" if len(s) else "nowhere"
+                raise ValueError(
+                    f"{where}: profile must run along the whole rod, 0 to {length:g} m (got {span}). Give factor 0 where "
+                    "there is no load; two entries at one place make a step."
+                )
+
+    @property
+    def kinks(self) -> np.ndarray:
+        """Times [s] at which the load's slope jumps."""
+        return np.union1d(self._force.kinks, self._moment.kinks)
+
+    @property
+    def jumps(self) -> np.ndarray:
+        """Times [s] at which the load itself jumps."""
+        return np.union1d(self._force.jumps, self._moment.jumps)
 
     @property
     def symmetric(self) -> bool:
         fixed = self.components == "all" and not self.follower
         return fixed and self._moment.constant and not np.any(self._moment.at(0.0))
+
+    @property
+    def marks(self) -> list[tuple[Rod, float]]:
+        """Where the mesh needs a node: at steps of the profile."""
+        if self.profile is None or callable(self.profile):
+            return []
+        s = np.asarray(self.profile[0], dtype=float)
+        return [(self.rod, float(x)) for x in np.unique(s[1:][np.diff(s) == 0])]
 
     def weights(self, space: Space) -> np.ndarray:
         """Integral (n,) [m] of profile times shape function, at the rod's nodes in order of s."""
@@ -108,6 +169,18 @@ class LineLoad:
             return space.share(self.rod, lambda s: np.array([profile(x) for x in s]))
         places, factors = profile
         return space.share(self.rod, lambda s: np.interp(s, places, factors))
+
+    def table(self, t: float, space: Space) -> NodalLoads:
+        """The load as loads at nodes, at time t."""
+        force, moment = self._force.at(t), self._moment.at(t)
+        if self.follower and self.components == "normal":
+            force = force * np.array([1.0, 1.0, 0.0])
+        weights = space.remember(self, lambda: self.weights(space))[:, None]
+        return NodalLoads(space[self.rod].nodes, weights * force, weights * moment, self._kinds(len(weights)))
+
+    def _kinds(self, n: int) -> np.ndarray:
+        drop = self.components == "normal" and not self.follower
+        return np.tile([self.follower, self.follower, drop], (n, 1))
 
     def __call__(self, state: State, space: Space, *, tangent: bool = True) -> Blocks:
         force, moment = self._force.at(state.t), self._moment.at(state.t)
@@ -128,6 +201,7 @@ class PointLoad:
     rod : Rod
     at : "start", "end" or arc length s [m]
     force : (3,) [N], (times, values) or function of t
+        Two rows of a table at one time make a jump.
     moment : (3,) [N m], (times, values) or function of t
     follower : bool
         False: dead, components in space. True: components along d1, d2, d3, turning with the section.
@@ -139,35 +213,48 @@ class PointLoad:
     moment: Any = (0.0, 0.0, 0.0)
     follower: bool = False
     name: str = "point load"
+    tabulated = True
     _force: Schedule = field(init=False, repr=False)
     _moment: Schedule = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        check_rod("point load", self.rod)
         where = f"point load on rod {self.rod.name!r}"
         self.rod.place(self.at, where)
-        object.__setattr__(self, "_force", Schedule(f"{where}: force", self.force, (3,)))
-        object.__setattr__(self, "_moment", Schedule(f"{where}: moment", self.moment, (3,)))
+        object.__setattr__(self, "_force", Schedule(f"{where}: force", self.force, (3,), jumps=True))
+        object.__setattr__(self, "_moment", Schedule(f"{where}: moment", self.moment, (3,), jumps=True))
+
+    @property
+    def kinks(self) -> np.ndarray:
+        """Times [s] at which the load's slope jumps."""
+        return np.union1d(self._force.kinks, self._moment.kinks)
+
+    @property
+    def jumps(self) -> np.ndarray:
+        """Times [s] at which the load itself jumps."""
+        return np.union1d(self._force.jumps, self._moment.jumps)
 
     @property
     def symmetric(self) -> bool:
         return not self.follower and self._moment.constant and not np.any(self._moment.at(0.0))
 
     @property
-    def mark(self) -> tuple[Rod, float]:
+    def marks(self) -> list[tuple[Rod, float]]:
         """Where the mesh needs a node."""
-        return self.rod, self.rod.place(self.at, "point load")
+        return [(self.rod, self.rod.place(self.at, "point load"))]
+
+    def table(self, t: float, space: Space) -> NodalLoads:
+        """The load as a load at a node, at time t."""
+        node, kinds = space.remember(
+            (self, "loads"),
+            lambda: (np.array([space.node(*self.marks[0])]), np.array([[self.follower, self.follower, False]])),
+        )
+        return NodalLoads(node, self._force.at(t)[None], self._moment.at(t)[None], kinds)
 
     def __call__(self, state: State, space: Space, *, tangent: bool = True) -> Blocks:
-        node = np.array([space.node(*self.mark)])
+        node = space.remember(self, lambda: np.array([space.node(*self.marks[0])]))
         force, moment = self._force.at(state.t), self._moment.at(state.t)
-        return nodal_load(state, space, node, np.ones(1), force, moment, (self.follower, self.follower), False, tangent)
-
-
-def cross_matrix(v: np.ndarray) -> np.ndarray:
-    """Matrices (n, 3, 3) that take x to v x x, for v (n, 3)."""
-    S = np.zeros((len(v), 3, 3))
-    S[:, 2, 1], S[:, 0, 2], S[:, 1, 0] = v[:, 0], v[:, 1], v[:, 2]
-    return S - S.transpose(0, 2, 1)
+        return nodal_load(state, space, node, ONE, force, moment, (self.follower, self.follower), False, tangent)
 
 
 def nodal_load(
@@ -178,35 +265,21 @@ def nodal_load(
     force: np.ndarray,
     moment: np.ndarray,
     follows: tuple[bool, bool],
-    drop_normal: bool,
+    drop_tangential: bool,
     tangent: bool,
 ) -> Blocks:
     """Blocks of weights (n,) times one force and moment at nodes (n,); `follows` says which turn with the section."""
     any_force, any_moment = bool(force.any()), bool(moment.any())
     n = len(nodes)
     g = np.zeros((n, 1, 6))
-    varies = any_moment or (any_force and (follows[0] or drop_normal))
+    varies = any_moment or (any_force and (follows[0] or drop_tangential))
     if not varies:
         g[:, 0, :3] = -weights[:, None] * force
         return Blocks(nodes[:, None], g)
     R = matrix_from_quaternion(state.q[nodes])
-    H = space.spin_axes(state, nodes)
-    F = R @ force if follows[0] else np.tile(force, (n, 1))
-    M = R @ moment if follows[1] else np.tile(moment, (n, 1))
-    d3 = R[:, :, 2]
-    along = (F * d3).sum(-1, keepdims=True)
-    g[:, 0, :3] = -weights[:, None] * (F - along * d3 if drop_normal else F)
-    g[:, 0, 3:] = -weights[:, None] * np.einsum("nki,nk->ni", H, M)
-    if not tangent:
-        return Blocks(nodes[:, None], g)
-    K = np.zeros((n, 6, 6))
-    if follows[0]:
-        K[:, :3, 3:] = -cross_matrix(F) @ H
-    elif drop_normal:
-        d = -cross_matrix(d3) @ H  # columns h_j x d3
-        K[:, :3, 3:] = -d3[:, :, None] * (F[:, None] @ d) - along[:, :, None] * d
-    if any_moment:
-        part = np.full((3, 3), 0.5) if state.angles is None else np.tri(3, k=-1)
-        # M . (h_j x h_i) = [H^T (M x) H]_ij, and h_i . (h_j x M) is its negative
-        K[:, 3:, 3:] = (part - float(follows[1])) * (H.transpose(0, 2, 1) @ cross_matrix(M) @ H)
-    return Blocks(nodes[:, None], g, -weights[:, None, None] * K)
+    H = R if state.angles is None else space.spin_axes(state, nodes)
+    K = np.empty((n, 6, 6)) if tangent else NO_BLOCKS
+    loads.nodal_load(
+        R, H, weights, force, moment, follows[0], follows[1], drop_tangential, state.angles is not None, g[:, 0], K
+    )
+    return Blocks(nodes[:, None], g, K if tangent else None)

@@ -12,12 +12,14 @@ Source: Magisano, Leonetti, Garcea (2017), doi 10.1002/nme.5319.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from ..kernels import condense, kardan
 from ..space import Blocks, Space, State, from_lanes, lanes
+
+Tables = list[tuple[Any, ...]]  # for each group what `Group.tables` gives
 
 NO_MATRICES, NO_ROWS = np.empty((0, 0, 0)), np.empty((0, 0))
 
@@ -33,12 +35,13 @@ class Condensed:
 
 @dataclass(frozen=True, eq=False)
 class Additions:
-    """What other terms add to the tangent: nodal (N, 6, 6) or empty, and mu * shift (N, 6) on the diagonal."""
+    """What others add to the tangent: nodal (N, 6, 6) or empty, mu * shift (N, 6) on the diagonal, tables of damped rods."""
 
     nodal: np.ndarray
     shift: np.ndarray
     mu: float
     symmetric: bool
+    tables: Tables | None = None
 
 
 class InternalForce(Protocol):
@@ -49,13 +52,17 @@ class InternalForce(Protocol):
 
     def __call__(self, state: State, space: Space, *, tangent: bool = True) -> list[Blocks]: ...
 
-    def residual(self, state: State, space: Space, g: np.ndarray) -> tuple[float, float]: ...
+    def residual(
+        self, state: State, space: Space, g: np.ndarray, tables: Tables | None = None
+    ) -> tuple[float, float]: ...
 
     def condensed(
         self, state: State, space: Space, g: np.ndarray, scratch: list[Condensed], additions: Additions
     ) -> tuple[float, float, int]: ...
 
-    def extrapolate(self, state: State, space: Space, du: np.ndarray, scale: float) -> tuple[np.ndarray, ...]: ...
+    def extrapolate(
+        self, state: State, space: Space, du: np.ndarray, scale: float, tables: Tables | None = None
+    ) -> tuple[np.ndarray, ...]: ...
 
     def with_stress(self, state: State, space: Space) -> tuple[np.ndarray, ...]: ...
 
@@ -85,11 +92,11 @@ class QuaternionBeam:
             blocks.append(Blocks(group.conn, force, K if tangent else None))
         return blocks
 
-    def residual(self, state: State, space: Space, g: np.ndarray) -> tuple[float, float]:
+    def residual(self, state: State, space: Space, g: np.ndarray, tables: Tables | None = None) -> tuple[float, float]:
         """Add the internal force to g (N, 6); return the largest section force [N] and moment [N m]."""
         force = moment = 0.0
-        for group in space.groups:
-            N_s, dx, C, C_full, reference = group.tables
+        for k, group in enumerate(space.groups):
+            N_s, dx, C, C_full, reference = group.tables if tables is None else tables[k]
             f, m = condense.residual(
                 group.packed_conn, group.n_elements, group.N, N_s, dx, C, C_full, reference, state.r, state.q, g
             )
@@ -101,8 +108,8 @@ class QuaternionBeam:
     ) -> tuple[float, float, int]:
         """Add the internal force to g and write the condensed tangent; also return the number of negative pivots."""
         force, moment, negative = 0.0, 0.0, 0
-        for group, stress, out in zip(space.groups, state.stress, scratch, strict=True):
-            N_s, dx, C, C_full, reference = group.tables
+        for k, (group, stress, out) in enumerate(zip(space.groups, state.stress, scratch, strict=True)):
+            N_s, dx, C, C_full, reference = group.tables if additions.tables is None else additions.tables[k]
             f, m, n = condense.assemble(
                 group.packed_conn, group.n_elements, group.N, N_s, dx, C, C_full, reference, stress, state.r, state.q,
                 g, space.owner, additions.nodal, additions.shift, additions.mu, additions.symmetric,
@@ -111,11 +118,13 @@ class QuaternionBeam:
             force, moment, negative = max(force, f), max(moment, m), negative + n
         return force, moment, negative
 
-    def extrapolate(self, state: State, space: Space, du: np.ndarray, scale: float) -> tuple[np.ndarray, ...]:
+    def extrapolate(
+        self, state: State, space: Space, du: np.ndarray, scale: float, tables: Tables | None = None
+    ) -> tuple[np.ndarray, ...]:
         """Stress memory C (strain + scale B du), one array for each group."""
         memory = []
-        for group in space.groups:
-            N_s, _, C, C_full, reference = group.tables
+        for k, group in enumerate(space.groups):
+            N_s, _, C, C_full, reference = group.tables if tables is None else tables[k]
             sigma = np.empty_like(C)
             condense.extrapolate_stress(
                 group.packed_conn, group.N, N_s, C, C_full, reference, state.r, state.q, du, scale, sigma
@@ -170,7 +179,7 @@ class KardanBeam:
             blocks.append(Blocks(group.conn, force, K if tangent else None))
         return blocks
 
-    def residual(self, state: State, space: Space, g: np.ndarray) -> tuple[float, float]:
+    def residual(self, state: State, space: Space, g: np.ndarray, tables: Tables | None = None) -> tuple[float, float]:
         force, moment, _ = self._elements(state, space, g, False)
         return force, moment
 
@@ -186,7 +195,9 @@ class KardanBeam:
             )  # fmt: skip
         return force, moment, negative
 
-    def extrapolate(self, state: State, space: Space, du: np.ndarray, scale: float) -> tuple[np.ndarray, ...]:
+    def extrapolate(
+        self, state: State, space: Space, du: np.ndarray, scale: float, tables: Tables | None = None
+    ) -> tuple[np.ndarray, ...]:
         memory = []
         for group in space.groups:
             sigma = np.empty_like(group.reference)

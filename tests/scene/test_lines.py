@@ -22,7 +22,7 @@ string ]""", empty = "" }
 
 [[rod]]
 a.b = 1
-"quoted.key" = [ {x = 1}, {x = 2} ]
+"quoted\\u002Ekey" = [ {x = 1}, {x = 2} ]
 
 [solve]
 kind = "static"

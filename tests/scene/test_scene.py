@@ -236,7 +236,11 @@ def test_every_table(tmp_path):
         ("points = [[0, 0, 0], [80, -50, -60], [200, 0, 0]]", "points = [[0, 0, 0]]", 14, "points: must be at least two (got 1)."),
         ("[80, -50, -60]", "[0, 0, 0]", 14, "points: 0 and 1 coincide at (0, 0, 0)."),
         ("points = [[0, 0, 0], [80, -50, -60], [200, 0, 0]]\n", "", 11, "needs either 'points' or 'file'."),
-        ("n_elements = 10", "n_elements = 0", 16, "n_elements: must be an integer of at least 1 (got 0)."),
+        ("n_elements = 10", "n_elements = 0", 16, "n_elements: must be an integer from 1 to 2000000 (got 0)."),
+        ("n_elements = 10", "n_elements = 2000001", 16, "n_elements: must be an integer from 1 to 2000000 (got 2000001)."),
+        ('unit = "mm"', 'unit = "0 mm"', 15, 'rod "cable": unit must be greater than 0 (got "0 mm").'),
+        ('unit = "mm"', "unit = -1e-3", 15, 'rod "cable": unit must be greater than 0 (got -0.001).'),
+        ('name = "door"', 'name = "door"\nmesh_unit = "-1 mm"', 20, 'part "door": mesh_unit must be greater than 0 (got "-1 mm").'),
         ("n_elements = 10", "n_elements = 2.5", 16, "n_elements must be an integer (got 2.5)."),
         ("n_elements = 10", 'n_elements = "10"', 16, "n_elements must be an integer"),
         ("n_elements = 10", "order = 9", 16, "order: must be an integer from 1 to 6 (got 9)."),
@@ -248,7 +252,7 @@ def test_every_table(tmp_path):
         ('"0 deg", "110 deg"', '"0 deg", "110 mm"', 20, "motion.angle is not an angle"),
         ('["0 s", "2 s"]', '["2 s", "0 s"]', 20, "motion.angle: times must increase (got 2 s followed by 0 s)."),
         ('["0 s", "2 s"]', '["0 s", "2 s", "3 s"]', 20, "motion.angle has 3 times but 2 values"),
-        ('["0 s", "2 s"]', '["0 s", "1 s"]', 18, "the table runs from 0 s to 1 s, but the run asks for"),
+        ('["0 s", "2 s"]', '["0 s", "1 s"]', 20, 'part "door": motion.angle: the table runs from 0 s to 1 s, but the run asks for 2 s.'),
         ('to = "door"', 'to = "dor"', 31, 'support 2: part "dor" does not exist. Did you mean \'door\'?'),
         ('at = "end"', 'at = "300 mm"', 30, "support 2: at = 0.3 m is not on rod 'cable'"),
         ('at = "end"', 'at = "middle"', 30, "at must be 'start', 'end' or an arc length"),
@@ -262,7 +266,16 @@ def test_every_table(tmp_path):
         ('duration = "2 s"\n', "", 36, "needs either 'duration' (with output.every) or 'times'."),
         ('duration = "2 s"', 'duration = "2 s"\nt = 1', 39, 't is for kind = "static".'),
         ('every = "0.5 s"', 'every = "-0.5 s"', 41, "every must be greater than 0"),
-        ('every = "0.5 s"', 'every = "1e-9 s"', 41, "stations; choose at most a million"),
+        ('every = "0.5 s"', 'every = "1e-9 s"', 41, "output: every gives 2e+09 stations; choose at most a million."),
+        ('every = "0.5 s"', "every = 1e-300", 41, "output: every gives 2e+300 stations; choose at most a million."),
+        ('every = "0.5 s"', "every = 5e-324", 41, "output: every gives inf stations; choose at most a million."),
+        ('every = "0.5 s"', 'every = "3 s"', 41, "output: every must be at most solve.duration, 2 s (got 3 s)."),
+        ('duration = "2 s"', "times = [0, 1]", 41, "output: every goes with solve.duration; solve.times names each station already."),
+        ('kind = "quasistatic"\nduration = "2 s"', 'kind = "static"\n', 41, 'output: every is for kind = "quasistatic"'),
+        ('title = "a scene"', 'title = "a \\u0000 scene"', 2, 'title holds a control character (got "a \\x00 scene").'),
+        ('name = "loom"', 'name = "\\u001b[31mloom"', 5, 'section "\\x1b[31mloom": name holds a control character'),
+        ('name = "door"', 'name = "door"\nmesh = """a\nb"""', 20, 'part "door": mesh holds a control character (got "a\\nb").'),
+        ('name = "door"', 'name = "door"\n"a\\u007f" = 1', 20, "part \"door\": the key 'a\\x7f' holds a control character."),
         ("[gravity]", "[gravty]", 33, "unknown table or key 'gravty'. Did you mean 'gravity'?"),
         ("[gravity]", "[[gravity]]", 33, "gravity must be a table"),
         ("[[part]]", "[part]", 18, "part must be a list"),
@@ -275,7 +288,7 @@ def test_fault_with_its_line(tmp_path, old, new, line, message):
     found = faults(tmp_path, change(old, new))
     assert any(message in f for f in found), found
     [fault] = [f for f in found if message in f]
-    assert re.match(rf"scene\.toml:{line}: ", fault), fault
+    assert fault.startswith(f"{tmp_path / 'scene.toml'}:{line}: "), fault
 
 
 def test_all_faults_at_once(tmp_path):
@@ -299,6 +312,126 @@ def test_too_few_supports(tmp_path):
     )
     [fault] = faults(tmp_path, text)
     assert "too few supports: rod 'cable' can still move along y" in fault
+
+
+RODS = """
+[[section]]
+name = "s"
+kind = "round"
+diameter = "8 mm"
+youngs_modulus = "8 MPa"
+[[rod]]
+name = "a"
+section = "s"
+points = [[0, 0, 0], [0.2, 0, 0]]
+[[rod]]
+name = "b"
+section = "s"
+points = [[0.2, 0, 0], [0.2, 0.2, 0]]
+[[support]]
+kind = "clamp"
+rod = "a"
+at = "start"
+[[support]]
+kind = "weld"
+rod = "a"
+at = "end"
+other = "b"
+other_at = "start"
+[solve]
+kind = "quasistatic"
+duration = 2
+"""
+# what is added to RODS begins in line 28
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "message"),
+    [
+        ("", '[[load]]\nkind = "line"\nrod = "a"\nforce = [[0, 1], [[0, 0, 0], [0, 0, 1]]]', 31, 'load 1: force: the table runs from 0 s to 1 s, but the run asks for 2 s.'),
+        ("", '[[load]]\nkind = "point"\nrod = "a"\nat = "end"\nmoment = [[0, 1], [[0, 0, 0], [0, 0, 1]]]', 32, 'load 1: moment: the table runs from 0 s to 1 s'),
+        ("", '[[part]]\nname = "idle"\nmotion = { kind = "slider", axis = [1, 0, 0], travel = [[0, 1], [0, 1]] }', 30, 'part "idle": motion.travel: the table runs from 0 s to 1 s'),
+        ("", 'rotation = "kardan"', 28, 'solve: welds need rotation = "quaternion"'),
+        ("", "LINE\nprofile = [[], []]", 31, 'load 1: profile needs at least two places, the rod\'s start and end (got 0)'),
+        ("", "LINE\nprofile = [[0], [1]]", 31, "load 1: profile needs at least two places"),
+        ("", "LINE\nprofile = [1, 2]", 31, "load 1: profile must be [[places], [factors]]"),
+        ("", "LINE\nprofile = [[0, 0.1], [1, 1]]", 31, "load 1: profile: says nothing of rod 'a' from 0.1 to 0.2 m. Add factors of 0 there"),
+        ("", "LINE\nprofile = [[0.05, 0.1], [1, 1]]", 31, "load 1: profile: says nothing of rod 'a' from 0 to 0.05 m and from 0.1 to 0.2 m."),
+        ("", "LINE\nprofile = [[0, 0.3], [1, 1]]", 31, "load 1: profile: 0.3 m is not on rod 'a', which runs from 0 to 0.2 m."),
+        ("", "LINE\nprofile = [[-1, 'end'], [1, 1]]", 31, "load 1: profile: -1 m is not on rod 'a', which runs from 0 to 0.2 m."),
+        ("[solve]", '[[support]]\nkind = "weld"\nrod = "b"\nat = "0 mm"\nother = "a"\nother_at = "200 mm"\n[solve]', 25, "support 3: welds what support 2 in line 19 welds already. Remove one of them."),
+        ("[solve]", '[[support]]\nkind = "pin"\nrod = "a"\nat = "200 mm"\n[[support]]\nkind = "pin"\nrod = "a"\nat = "end"\n[solve]', 29, "is at the same place of rod 'a'"),
+    ],
+)  # fmt: skip
+def test_fault_of_several_rods(tmp_path, old, new, line, message):
+    """Faults that show when things are put together or asked for values: each at its line."""
+    new = new.replace("LINE", '[[load]]\nkind = "line"\nrod = "a"')
+    found = faults(tmp_path, RODS.replace(old, new, 1) if old else RODS + new + "\n")
+    [fault] = found
+    assert message in fault
+    assert fault.startswith(f"{tmp_path / 'scene.toml'}:{line}: "), fault
+
+
+def test_no_rod(tmp_path):
+    [fault] = faults(tmp_path, 'section = []\nrod = []\n[solve]\nkind = "static"\n')
+    assert fault == f"{tmp_path / 'scene.toml'}:2: rod must have at least 1 entry (got 0)."
+
+
+def test_faults_print_the_path_as_it_was_given(tmp_path, monkeypatch):
+    """A terminal opens it where the user stands."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "deep").mkdir()
+    file = pathlib.Path("deep") / "scene.toml"
+    for text, line in ((change('diameter = "8 mm"', "diameter = 0"), 7), ("[solve", 1)):
+        file.write_text(text)
+        with pytest.raises(cf.SceneError, match=rf"^deep/scene\.toml:{line}: "):
+            cf.load_scene(file)
+    file.write_bytes(b"\xff")
+    with pytest.raises(cf.SceneError, match=r"^deep/scene\.toml: is not a text file"):
+        cf.load_scene(file)
+
+
+def test_profile_ends_may_be_typed_or_named(tmp_path):
+    """The length of a curve is known to as many digits as were typed; names of the ends need no digits."""
+    base = GOOD.replace(
+        "[solve]", '[[load]]\nkind = "line"\nrod = "cable"\nforce = [0, 0, 1]\nprofile = PROFILE\n\n[solve]'
+    )
+    length = cf.load_scene(write(tmp_path, GOOD)).model.rods[0].length
+    models = [
+        cf.load_scene(write(tmp_path, base.replace("PROFILE", profile))).model
+        for profile in ('[["start", "50 mm", "end"], [0, 0, 1]]', f"[[0, 0.05, {length:.7g}], [0, 0, 1]]")
+    ]
+    a, b = (model.terms[1].weights(model.space) for model in models)
+    np.testing.assert_allclose(a, b, atol=1e-9)
+    assert models[0].terms[1].profile[0][-1] == length
+
+
+def test_motion_file_faults_stand_at_its_key(tmp_path):
+    """Whole sentences, in the line of the file's key, also for a part with a mesh."""
+    shutil.copy(shipped_scene().parent / "hinge_fixed.stl", tmp_path / "m.stl")
+    text = GOOD.replace(
+        GOOD[GOOD.index("motion = {") : GOOD.index("[[support]]")],
+        'mesh = "m.stl"\nmotion.kind = "path"\nmotion.file = "p.csv"\n\n',
+    )
+    name = re.escape(str(tmp_path / "p.csv"))
+    for table, message in (
+        (None, "does not exist"),
+        ("0,0,0\n", ", row 1: has 3 cells, not the 8 columns time, x, y, z, qw, qx, qy, qz"),
+        ("0,0,0,0,1,0,0,0\n1,0,0,0,2,0,0,0\n", ": quaternion 1 has length 2; it must be 1"),
+        ("0,0,0,0,1,0,0,0\n1,0,0,0,1,0,0,a\n", r", row 2: cell 8 \(qz\) must be a finite number \(got 'a'\)"),
+    ):
+        if table is not None:
+            (tmp_path / "p.csv").write_text(table)
+        [fault] = faults(tmp_path, text)
+        assert re.fullmatch(
+            rf'{re.escape(str(tmp_path))}/scene\.toml:21: part "door": motion file \'{name}\' ?{message}\.', fault
+        ), fault
+
+
+def test_parts_that_hold_nothing_belong_to_the_scene(tmp_path):
+    scene = cf.load_scene(write(tmp_path, GOOD.replace("[[part]]", '[[part]]\nname = "wall"\n\n[[part]]', 1)))
+    assert [part.name for part in scene.parts] == ["wall", "door"]
+    assert [part.name for part in scene.model.parts] == ["ground", "door"]
 
 
 def test_name_used_twice(tmp_path):

@@ -1,0 +1,665 @@
+"""How does it move? Generalized-alpha in time, step control, start and kinks, energy ledger.
+
+Rule: a step is the static Newton method with inertia added; unknowns, supports and linear systems are the same. Held
+places follow their parts exactly, with the part's velocity and acceleration. Steps end exactly at output times and
+where a load or a motion has a kink.
+
+Equations: Lie-group generalized-alpha on (R^3 x SO(3))^N, Arnold and Bruels (2007), see `kernels.inertia`; with
+spectral radius rho at infinity,  am = (2 rho - 1) / (rho + 1), af = rho / (rho + 1), gamma = 1/2 - am + af,
+beta = (gamma + 1/2)^2 / 4. The auxiliary acceleration b belongs to the time am - af steps beyond the end of a step: when
+the step length changes, b is moved along the line from a to it, which keeps the order.
+
+Error of a step: h^2 |beta + (am - af)/2 - 1/6| |b1 - b0|, displacements in units of the longest rod, rotations in rad.
+It is controlled per unit of time, error / h <= rtol / duration, so that the error at the end goes with rtol. Vibrations
+that the step does not resolve make b large and move nothing: where the estimate is too large it is passed once through
+the matrix of the step, (ca M + K) e = ca M h^2 c (b1 - b0), which leaves slow motions as they are and removes these
+(the filter of Shampine and of Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from .errors import ConvergenceError, SceneError, check_number, check_positive, check_shape
+from .history import History, Record
+from .kernels.inertia import largest_change
+from .kernels.rotation import matrix_from_quaternion, multiply, quaternion_from_vector, relative_rotation
+from .model import Model
+from .newton import CompiledStep, Newton, Solved
+from .space import State
+from .statics import solve_static
+from .terms.dissipative import damped_tables
+from .terms.inertial import Driven, InertiaStep, Rates
+
+log = logging.getLogger(__name__)
+
+TOLERANCE = 1e-9  # relative residual of a time step
+SMALLEST = 1e-10  # of the duration: a step shorter than this ends the run
+JUMP = 1e-5  # in rod lengths, or rad, over the duration: velocities that differ by more jump
+GROWTH = 4.0  # a step longer than this many of the last one starts with b = a
+PLAIN_ESTIMATE = 0.3  # in parts of the allowed error: below it the estimate is good enough as it is
+LONGER, SAFETY = 1.5, 0.8  # growth of a step; aim at this part of the step that would just be allowed
+SHORT = 1e-3  # part of a step over which a strain rate is measured
+BEFORE = 1e-13  # of the duration: how long before a jump of a load the step that ends there is evaluated
+
+
+@dataclass(frozen=True)
+class AdaptiveStep:
+    """Step length from an error estimate.
+
+    Parameters
+    ----------
+    rtol : [-]
+        Accuracy asked for: the error added over the whole run, in parts of the longest rod and in rad.
+    first, largest : [s], optional
+        First and largest step.
+    """
+
+    rtol: float = 1e-4
+    first: float | None = None
+    largest: float | None = None
+
+    def __post_init__(self) -> None:
+        check_positive("adaptive step: rtol", self.rtol)
+        for name in ("first", "largest"):
+            if getattr(self, name) is not None:
+                check_positive(f"adaptive step: {name}", getattr(self, name))
+
+
+@dataclass(frozen=True)
+class FixedStep:
+    """Steps of one length, shortened a little so that they end at output times and kinks.
+
+    Parameters
+    ----------
+    dt : [s]
+    richardson : bool
+        Run a second time with half the step and extrapolate: order 4 of smooth motions at output times, for three times
+        the cost. `History.extrapolated` then says how far the two runs were apart.
+    """
+
+    dt: float
+    richardson: bool = False
+
+    def __post_init__(self) -> None:
+        check_positive("fixed step: dt", self.dt)
+
+
+@dataclass(frozen=True, eq=False)
+class RigidVelocity:
+    """Start velocity of a rigid motion: v [m/s] of the point [m], turning with omega [rad/s], in space."""
+
+    v: Any = (0.0, 0.0, 0.0)
+    omega: Any = (0.0, 0.0, 0.0)
+    point: Any = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for name in ("v", "omega", "point"):
+            object.__setattr__(self, name, check_shape(f"start velocity: {name}", getattr(self, name), (3,)))
+
+    def at(self, state: State) -> np.ndarray:
+        """Velocity (N, 6) of every node."""
+        out = np.empty((len(state.r), 6))
+        out[:, :3] = self.v + np.cross(self.omega, state.r - self.point)
+        out[:, 3:] = np.einsum("nki,k->ni", matrix_from_quaternion(state.q), self.omega)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """All that a run needs to go on, bit for bit: state and rates, step control, works so far, how many are kept."""
+
+    state: State
+    rates: Rates
+    h: float
+    wanted_h: float
+    work: dict[str, float]
+    forces: list[np.ndarray]
+    residual: np.ndarray
+    strain: tuple[np.ndarray, ...]
+    strain_before: tuple[np.ndarray, ...]
+    strain_step: float
+    kept: int
+    log: list[tuple[float, float, float, bool]] = field(default_factory=list)
+
+
+def solve_dynamic(
+    model: Model,
+    duration: float,
+    *,
+    start: Literal["equilibrium", "drawn"] | State = "equilibrium",
+    velocity: RigidVelocity | np.ndarray | None = None,
+    rho_inf: float = 0.8,
+    step: AdaptiveStep | FixedStep | None = None,
+    times: Sequence[float] | np.ndarray | None = None,
+    start_time: float = 0.0,
+    callback: Callable[[Run], bool | None] | None = None,
+    resume: Checkpoint | None = None,
+) -> History:
+    """Follow the motion in time.
+
+    Parameters
+    ----------
+    duration : [s]
+    start : "equilibrium", "drawn" or State
+        Start from the static equilibrium at the start time, from the drawn shape, or from a state of this model.
+    velocity : RigidVelocity or (N, 6), optional
+        Start velocity of every node: displacement in space [m/s], rotation in the section's axes [rad/s]; default rest.
+        Held places start with the velocity of their part.
+    rho_inf : from 0 to 1
+        Spectral radius at infinity: 1 keeps all energy, 0 damps what steps cannot resolve at once.
+    step : AdaptiveStep or FixedStep, default AdaptiveStep()
+    times : (T,) [s], optional
+        When to keep a state, within start_time .. start_time + duration; default after every step.
+    callback : function (Run) -> bool, optional
+        Called after each accepted step; return True to stop there.
+    resume : Checkpoint, optional
+        Go on from `Run.checkpoint()` of an earlier run of the same model with the same arguments. The history then
+        holds the states from there on.
+
+    Returns
+    -------
+    History with velocities, an energy ledger and the log of steps.
+
+    Raises
+    ------
+    SceneError
+        A rod has no mass, the start is not where the parts are, Kardan angles.
+    ConvergenceError
+        The step became too short; the error carries the history so far.
+    """
+    step = step or AdaptiveStep()
+    check_positive("solve_dynamic: duration", duration)
+    rho = check_number("solve_dynamic: rho_inf", rho_inf)
+    if not 0.0 <= rho <= 1.0:
+        raise ValueError(f"solve_dynamic: rho_inf must be from 0 to 1 (got {rho:g}).")
+    end = start_time + duration
+    kept = None if times is None else _check_times(times, start_time, end)
+    check_dynamic(model, (start_time, end))
+    if isinstance(step, FixedStep) and step.richardson:
+        if kept is None:
+            n = max(1, int(np.ceil(duration / step.dt - 1e-9)))
+            kept = np.linspace(start_time, end, n + 1)
+        both = []
+        for dt in (step.dt, step.dt / 2):
+            run = Run(model, start_time, end, rho, FixedStep(dt), kept, callback)
+            run.begin(start, velocity)
+            both.append(run.go())
+            if both[-1].status == "stopped":
+                return both[-1]
+        return _extrapolated(*both)
+    run = Run(model, start_time, end, rho, step, kept, callback)
+    if resume is not None:
+        run.restore(resume)
+    else:
+        run.begin(start, velocity)
+    return run.go()
+
+
+class Run:
+    """One run in time, between its steps.
+
+    Attributes
+    ----------
+    history : History so far
+    t, end : [s]
+    steps : list of (t at the end, h, error / allowed error, accepted)
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        t: float,
+        end: float,
+        rho: float,
+        step: AdaptiveStep | FixedStep,
+        times: np.ndarray | None,
+        callback: Callable[[Run], bool | None] | None,
+    ) -> None:
+        self.model, self.begin_time, self.end, self.step = model, t, end, step
+        self.times, self.callback = times, callback
+        am, af = (2 * rho - 1) / (rho + 1), rho / (rho + 1)
+        gamma = 0.5 - am + af
+        beta = 0.25 * (gamma + 0.5) ** 2
+        self._method = (am, af, beta, gamma)
+        self._constant = abs(beta + 0.5 * (am - af) - 1 / 6)
+        self.history = History(model)
+        self.newton = Newton(model)
+        self.history.counters = self.newton.counters
+        self.steps = self.history.steps
+        self.kept = 0
+        self.strain: tuple[np.ndarray, ...] = ()
+        self.strain_before: tuple[np.ndarray, ...] = ()
+        self.strain_step = 0.0
+        self._driven_nodes, self._driven_rows, self._given = _driven_nodes(model)
+        self._velocity_terms = any(getattr(term, "needs_velocity", False) for term in model.terms)
+        self._compiled = CompiledStep(self.newton, TOLERANCE) if CompiledStep.takes(model) else None
+        self._dampers = [term for term in model.terms if getattr(term, "internal", False)]
+        self._damping = [
+            np.sum([d.coefficients(model.space, k) for d in self._dampers], axis=0)  # type: ignore[attr-defined]
+            for k in range(len(model.space.groups))
+        ]
+        kinks = [part.motion.kinks for part in model.parts if part.motion is not None]
+        self._motion_kinks = _inside(kinks, t, end)
+        loads = [term.kinks for term in model.terms if hasattr(term, "kinks")]
+        jumps = [term.jumps for term in model.terms if hasattr(term, "jumps")]
+        self._load_jumps = _inside(jumps, t, end)
+        self._stops = np.unique(np.concatenate([self._motion_kinks, _inside(loads, t, end), [end]]))
+        if times is not None:
+            self._stops = np.unique(np.concatenate([self._stops, times[times > t]]))
+
+    @property
+    def t(self) -> float:
+        return self.state.t
+
+    # start
+
+    def begin(self, start: str | State, velocity: RigidVelocity | np.ndarray | None) -> None:
+        """Start state, its velocity and the acceleration that balances it."""
+        model = self.model
+        if isinstance(start, State):
+            state = start.at_time(self.begin_time)
+        elif start == "drawn":
+            state = model.initial_state(self.begin_time)
+        elif start == "equilibrium":
+            state = solve_static(model, t=self.begin_time).final
+        else:
+            raise ValueError(f"solve_dynamic: start must be 'equilibrium', 'drawn' or a State (got {start!r}).")
+        v = np.zeros((model.space.n_nodes, 6))
+        if isinstance(velocity, RigidVelocity):
+            v = velocity.at(state)
+        elif velocity is not None:
+            v = check_shape("solve_dynamic: velocity", velocity, v.shape).copy()
+        self._check_place(state)
+        self.state = replace(state, stress=model.internal.with_stress(state, model.space))
+        self.rates = Rates(v, np.zeros_like(v), np.zeros_like(v))
+        self.h = self.wanted_h = self._first_step()
+        self.work = dict.fromkeys((*_names(model.terms), "driven ends"), 0.0)
+        if self._dampers:
+            self.work["internal damping"] = 0.0
+        self._settle(told=velocity is not None)
+        self._keep_if_wanted(0, 0.0)
+
+    def _first_step(self) -> float:
+        if isinstance(self.step, FixedStep):
+            return self.step.dt
+        return self.step.first or 1e-3 * (self.end - self.begin_time)
+
+    def _check_place(self, state: State) -> None:
+        """SceneError if held places are not where their supports are."""
+        c = self.model.constraints
+        held = c.evaluate(state, c.targets(state.t))
+        for row, support in enumerate(self.model.supports):
+            away = float(np.abs(held.gap[row, :3]).max())
+            turned = float(np.abs(held.gap[row, 3:]).max())
+            if away > 1e-6 * self.model.scales["length"] or turned > 1e-6:
+                raise SceneError(
+                    f"support {support.name!r}: part {support.to.name!r} is {away:.3g} m and {np.degrees(turned):.3g} deg "
+                    f"away from the rod at the start (t = {state.t:g} s): a jump in position. Start from 'equilibrium', "
+                    "or let the motion begin at 0."
+                )
+
+    def _settle(self, *, told: bool) -> None:
+        """Give held places their part's velocity and find the balancing acceleration; at the start and at kinks."""
+        model, c = self.model, self.model.constraints
+        held, pushed = c.driven(self.state.t)
+        v, a = self.rates.v.copy(), np.zeros_like(self.rates.v)
+        driven = self._driven(held, pushed)
+        jumps = []
+        for m, node in enumerate(driven.nodes):
+            for k in range(2):
+                part = slice(3 * k, 3 * k + 3)
+                if not np.isnan(driven.v[m, k, 0]):
+                    jump = np.abs(driven.v[m, k] - v[node, part]).max()
+                    scale = (model.scales["length"], 1.0)[k] / (self.end - self.begin_time)
+                    if jump > JUMP * scale and m < c.n_supports:
+                        jumps.append((model.supports[m].to.name, jump, ("m/s", "rad/s")[k]))
+                    v[node, part], a[node, part] = driven.v[m, k], driven.a[m, k]
+        if jumps and not told:
+            name, jump, unit = max(jumps, key=lambda x: x[1])
+            model.warn(
+                f"part {name!r}: its velocity jumps by {jump:.3g} {unit} at t = {self.state.t:g} s; the rod answers with a "
+                "wave whose force at the first instant depends on the step. A smooth motion avoids it."
+            )
+        state = replace(self.state, velocity=v) if self._velocity_terms else self.state
+        total = model.residual(state)
+        _accelerate(model, state, total.g, v, a, driven)
+        self.rates = Rates(v, a, a.copy())
+        self.g = total.g + _inertia(model, v, a)
+        self.forces = self._tabulate_forces()
+        if self._dampers:  # the strain a step ago, as the velocity says
+            self.strain, self.strain_step = self._strains(state), self.h
+            past = model.space.update(self.state, v, -SHORT * self.h)
+            self.strain_before = tuple(
+                now + (then - now) / SHORT for now, then in zip(self.strain, self._strains(past), strict=True)
+            )
+
+    def _driven(self, held: np.ndarray, pushed: np.ndarray) -> Driven:
+        """Rates of held places from those of the supports (supports, 6), for the kernel."""
+        v = held[self._driven_rows].reshape(-1, 2, 3)
+        a = pushed[self._driven_rows].reshape(-1, 2, 3)
+        c, n = self.model.constraints, self.model.constraints.n_supports
+        for m in range(n, len(v)):  # welded to a held rod: the same rotation in other axes
+            seen = c.seen[self._followers[m - n]]
+            v[m, 1], a[m, 1] = seen @ v[m, 1], seen @ a[m, 1]
+        v[~self._given] = np.nan
+        return Driven(self._driven_nodes, v, a)
+
+    @property
+    def _followers(self) -> list[int]:
+        return [k for k, row in enumerate(self.model.constraints.lead_row) if row >= 0]
+
+    # steps
+
+    def go(self) -> History:
+        """Step to the end."""
+        slack = 1e-12 * (self.end - self.begin_time)
+        try:
+            while self.state.t < self.end - slack:
+                self._advance()
+                if self.callback is not None and self.callback(self):
+                    self.history.status = "stopped"
+                    self.history.message = f"stopped by the caller at t = {self.state.t:g} s"
+                    return self.history
+        except ValueError as error:
+            if isinstance(error, SceneError | ConvergenceError):
+                raise
+            raise SceneError(str(error)) from None
+        rejected = sum(not accepted for *_, accepted in self.steps)
+        self.history.message = (
+            f"{len(self.steps) - rejected} steps, {rejected} rejected, {self.history.counters.iterations} iterations"
+        )
+        self.history.check_ledger()
+        return self.history
+
+    def _advance(self) -> None:
+        """One accepted step."""
+        wanted = self.wanted_h
+        near = SMALLEST * (self.end - self.begin_time)
+        while True:
+            stop = float(self._stops[np.searchsorted(self._stops, self.state.t + near)])
+            left = stop - self.state.t
+            n = max(1, int(np.ceil(left / wanted - 1e-9)))
+            h = left / n
+            t1 = stop if n == 1 else self.state.t + h
+            solved, inertia = self._try(h, t1)
+            error = 0.0
+            if solved.converged and isinstance(self.step, AdaptiveStep):
+                error = self._error(solved, inertia, h)
+            accepted = solved.converged and error <= 1.0
+            self.steps.append((t1, h, error, accepted))
+            if accepted:
+                break
+            if isinstance(self.step, FixedStep) and not solved.converged and h < self.step.dt / 64:
+                raise self._failure(solved, h)
+            wanted = h * (0.25 if not solved.converged else max(0.2, SAFETY * error**-0.5))
+            if wanted < SMALLEST * (self.end - self.begin_time):
+                raise self._failure(solved, h)
+        self._accept(solved, inertia, h, t1)
+        if isinstance(self.step, AdaptiveStep):
+            grown = LONGER if error == 0.0 else min(LONGER, SAFETY * error**-0.5)
+            # a step cut short by a stop says little against the length that was wanted
+            self.wanted_h = max(h * grown, wanted if h < wanted and grown >= 1.0 else 0.0)
+            if self.step.largest is not None:
+                self.wanted_h = min(self.wanted_h, self.step.largest)
+        else:
+            self.wanted_h = self.step.dt
+        if np.any(np.abs(self._motion_kinks - t1) <= near) or np.any(np.abs(self._load_jumps - t1) <= near):
+            self.state = self.state.at_time(t1)
+            self._settle(told=False)
+        self._keep_if_wanted(solved.iterations, solved.residual)
+
+    def _error(self, solved: Solved, inertia: InertiaStep, h: float) -> float:
+        """Error of a step in parts of the allowed one."""
+        model, length = self.model, self.model.scales["length"]
+        scale = h * self._constant * (self.end - self.begin_time) / self.step.rtol  # type: ignore[union-attr]
+        error = scale * largest_change(inertia.rates.b, inertia.b, self._driven_nodes, length)
+        if error < PLAIN_ESTIMATE:
+            return error
+        mass = np.concatenate([np.repeat(model.space.node_mass[:, None], 3, 1), model.space.node_inertia], axis=1)
+        # what the step's own matrix makes of the change, as of a load
+        change = self.newton.response(solved.state, inertia.grows * mass * (inertia.b - inertia.rates.b), step=inertia)
+        return min(error, scale * largest_change(np.zeros_like(change), change, self._driven_nodes, length))
+
+    def _try(self, h: float, t1: float) -> tuple[Solved, InertiaStep]:
+        model = self.model
+        rates = self.rates
+        if h != self.h:  # b belongs to a time that lies am - af steps beyond the state
+            grown = h / self.h if h <= GROWTH * self.h else 0.0
+            rates = Rates(rates.v, rates.a, rates.a + grown * (rates.b - rates.a))
+        if np.any(np.abs(self._load_jumps - t1) <= SMALLEST * (self.end - self.begin_time)):
+            t1 -= BEFORE * (self.end - self.begin_time)
+        driven = self._driven(*model.constraints.driven(t1, before=True))
+        tables = None
+        if self._dampers:
+            tables = [
+                damped_tables(group, D, now, past, h, self.strain_step)
+                for group, D, now, past in zip(
+                    model.space.groups, self._damping, self.strain, self.strain_before, strict=True
+                )
+            ]
+        inertia = InertiaStep(
+            model.space, self.state, rates, np.array([h, *self._method]), driven,
+            wanted=self._velocity_terms, tables=tables,
+        )  # fmt: skip
+        for acceleration in (0.5, 0.0):  # unresolved vibrations make b a bad guess
+            solved = self._solve(h * rates.v + acceleration * h * h * rates.b, t1, inertia, driven)
+            if solved.converged:
+                break
+        return solved, inertia
+
+    def _solve(self, D: np.ndarray, t1: float, inertia: InertiaStep, driven: Driven) -> Solved:
+        """The step from the prediction D (N, 6)."""
+        model = self.model
+        stress = model.internal.extrapolate(self.state, model.space, D, 1.0, inertia.tables)
+        guess = model.space.update(self.state, D, 1.0, stress).at_time(t1)
+        if self._compiled is not None:
+            return self._compiled.solve(guess, D[:, :3].copy(), inertia, driven)
+        return self.newton.in_time(guess, inertia, TOLERANCE)
+
+    def _accept(self, solved: Solved, inertia: InertiaStep, h: float, t1: float) -> None:
+        """Take the step: works, then the new state."""
+        loads = None if self._compiled is None else self._compiled.each
+        state = solved.state if loads is not None else inertia.with_velocity(solved.state)
+        forces = self._forces(state, loads)
+        g = solved.total.g
+        for name, nodes, before, after in zip(self.work, self._nodes, self.forces, forces, strict=False):
+            self.work[name] -= 0.5 * float(np.vdot(before + after, inertia.D[nodes]))
+        # what is left of the residual acts at supports only; welds do no work
+        self.work["driven ends"] += 0.5 * float(np.vdot(self.g + g, inertia.D))
+        if self._dampers:
+            strain = self._strains(solved.state)
+            for k, group in enumerate(self.model.space.groups):
+                change = strain[k] - self.strain[k]
+                self.work["internal damping"] -= float((group.dx[..., None] * self._damping[k] * change**2).sum()) / h
+            self.strain_before, self.strain, self.strain_step = self.strain, strain, h
+        self.state, self.g, self.forces = solved.state, g, forces
+        self.rates = Rates(inertia.v, inertia.a, inertia.b)
+        self.h = h
+
+    def _forces(self, state: State, loads: np.ndarray | None = None) -> list[np.ndarray]:
+        """What each term adds to the residual at its nodes (n, 6); loads (L, 6): the same, known already."""
+        if loads is not None:
+            return [part.copy() for part in np.split(loads, self._cuts)]
+        return [term(state, self.model.space, tangent=False).force[:, 0] for term in self.model.terms]
+
+    def _tabulate_forces(self) -> list[np.ndarray]:
+        """Forces of each term at the present state; remembers their nodes."""
+        state = replace(self.state, velocity=self.rates.v) if self._velocity_terms else self.state
+        blocks = [term(state, self.model.space, tangent=False) for term in self.model.terms]
+        self._nodes = [b.nodes[:, 0] for b in blocks]
+        self._cuts = np.cumsum([len(nodes) for nodes in self._nodes])[:-1]
+        return [b.force[:, 0] for b in blocks]
+
+    def _strains(self, state: State) -> tuple[np.ndarray, ...]:
+        space = self.model.space
+        return tuple(space.strain_and_frame(state, k)[0] for k in range(len(space.groups)))
+
+    def _keep_if_wanted(self, iterations: int, residual: float) -> None:
+        t = self.state.t
+        if self.times is not None and not np.any(np.abs(self.times - t) <= SMALLEST * max(abs(self.end), 1e-300)):
+            return
+        reactions = self.reactions_now()
+        self.history.records.append(
+            Record(self.state, reactions, iterations, residual, -1, self.rates, dict(self.work))
+        )
+        self.kept += 1
+
+    def reactions_now(self) -> np.ndarray:
+        """Force and moment (supports, 6) of the supports on the rods, in space."""
+        return self.model.constraints.reactions(self.state, self.g)
+
+    def _failure(self, solved: Solved, h: float) -> ConvergenceError:
+        model = self.model
+        rod = model.rods[model.space.node_rod[solved.where]]
+        why = solved.reason or "the error estimate stays above what rtol allows"
+        self.history.status = "stopped"
+        self.history.message = (
+            f"run in time stopped at t = {self.state.t:g} s: a step of {h:.3g} s was still too long ({why}). Largest "
+            f"residual at rod {rod.name!r}, s = {model.space.node_s[solved.where]:.4g} m. Try a smaller step or rtol, a "
+            "smoother motion of the parts, or rho_inf nearer to 0."
+        )
+        return ConvergenceError(self.history.message, self.history, self.state)
+
+    # stop and go on
+
+    def checkpoint(self) -> Checkpoint:
+        """Everything that the rest of the run depends on."""
+        return Checkpoint(
+            self.state, self.rates, self.h, self.wanted_h, dict(self.work), self.forces, self.g,
+            self.strain, self.strain_before, self.strain_step, self.kept, list(self.steps),
+        )  # fmt: skip
+
+    def restore(self, saved: Checkpoint) -> None:
+        """Go back to a checkpoint of the same model."""
+        self.state, self.rates, self.h, self.wanted_h = saved.state, saved.rates, saved.h, saved.wanted_h
+        self.work, self.forces = dict(saved.work), saved.forces
+        self.g, self.kept = saved.residual, saved.kept
+        self.strain, self.strain_before, self.strain_step = saved.strain, saved.strain_before, saved.strain_step
+        self._tabulate_forces()
+        self.steps[:] = saved.log
+
+
+def _names(terms: Sequence[Any]) -> list[str]:
+    """Names of terms, told apart."""
+    names = [term.name for term in terms]
+    return [n if names.count(n) == 1 else f"{n} {names[: k + 1].count(n)}" for k, n in enumerate(names)]
+
+
+def _inside(lists: Sequence[np.ndarray], start: float, end: float) -> np.ndarray:
+    every = np.unique(np.concatenate([*lists, np.empty(0)]))
+    return every[(every > start) & (every < end)]
+
+
+def _check_times(times: Any, start: float, end: float) -> np.ndarray:
+    times = check_shape("solve_dynamic: times", times, (-1,))
+    slack = 1e-9 * (end - start)
+    if len(times) == 0 or (np.diff(times) <= 0).any() or times[0] < start - slack or times[-1] > end + slack:
+        raise ValueError(
+            f"solve_dynamic: times must increase and lie within the run, {start:g} s to {end:g} s; end time before start?"
+        )
+    return np.clip(times, start, end)
+
+
+def check_dynamic(model: Model, times: Sequence[float]) -> None:
+    """SceneError for what a run in time cannot take."""
+    if model.rotation != "quaternion":
+        raise SceneError("model: a run in time needs rotation = 'quaternion'.")
+    faults = []
+    for rod in model.rods:
+        s = model.space[rod].s_gauss
+        if (rod.mass_at(s) <= 0).any():
+            k = int(np.argmin(rod.mass_at(s)))
+            faults.append(
+                f"rod {rod.name!r}: has no mass at s = {s[k]:.4g} m, and a run in time needs it. Give its section a density "
+                "or mass_per_length."
+            )
+    if faults:
+        raise SceneError(faults)
+    for t in times:  # tables that end too early are told before the run
+        try:
+            model.constraints.driven(t)
+            for term in model.terms:
+                term(model.initial_state(t), model.space, tangent=False)
+        except ValueError as error:
+            raise SceneError(str(error)) from None
+
+
+def _driven_nodes(model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Nodes (M,) whose rates a support gives, the support's row (M,), and what is given (M, 2): translation, rotation."""
+    c = model.constraints
+    followers = [k for k, row in enumerate(c.lead_row) if row >= 0]
+    nodes = np.concatenate([c.support_node, c.nodes[c.n_supports :][followers]]).astype(np.int64)
+    rows = np.concatenate([np.arange(c.n_supports), c.lead_row[followers]]).astype(np.int64)
+    held = c.held[: c.n_supports][rows].reshape(-1, 2, 3)
+    return nodes, rows, np.asarray(held.all(axis=2))
+
+
+def _inertia(model: Model, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """Inertia force (N, 6): (m a, J w' + w x J w)."""
+    J = model.space.node_inertia
+    force = np.empty_like(a)
+    force[:, :3] = model.space.node_mass[:, None] * a[:, :3]
+    force[:, 3:] = J * a[:, 3:] + np.cross(v[:, 3:], J * v[:, 3:])
+    return force
+
+
+def _accelerate(model: Model, state: State, g: np.ndarray, v: np.ndarray, a: np.ndarray, driven: Driven) -> None:
+    """Fill a (N, 6) so that inertia balances the residual g; entries of driven nodes stand already.
+
+    Node by node, because the mass is lumped; nodes that are one joint or held in part are solved together. A released
+    component of a support on a turning part neglects the Coriolis acceleration in this first instant.
+    """
+    c, space = model.constraints, model.space
+    gyroscopic = _inertia(model, v, np.zeros_like(a))
+    rest = -(g + gyroscopic)
+    diagonal = np.concatenate([np.repeat(space.node_mass[:, None], 3, axis=1), space.node_inertia], axis=1)
+    free = rest / diagonal
+    special = set(c.nodes.tolist()) | {int(k) for joint in c.joints for k in joint}
+    ordinary = np.array([k for k in range(space.n_nodes) if k not in special], dtype=np.int64)
+    a[ordinary] = free[ordinary]
+    held = c.evaluate(state, c.targets(state.t))
+    groups = [(row, int(node)) for row, node in enumerate(c.support_node)]
+    groups += [(-1, int(joint[0])) for joint in c.joints if int(joint[0]) not in c.row_of]
+    for row, lead in groups:
+        members = [(lead, np.eye(6))]
+        for k in np.flatnonzero(c.lead == lead):
+            seen = np.eye(6)
+            seen[3:, 3:] = c.seen[k]
+            members.append((int(c.nodes[c.n_supports + k]), seen))
+        T = np.eye(6) if row < 0 or not c.transforms else held.T[row]
+        fixed = np.zeros(6, dtype=bool) if row < 0 else c.held[row]
+        mass = sum(T.T @ P.T @ (diagonal[node][:, None] * P) @ T for node, P in members)
+        force = sum(T.T @ P.T @ rest[node] for node, P in members)
+        y = np.linalg.solve(T, a[lead])
+        y[~fixed] = 0.0
+        if (~fixed).any():
+            y[~fixed] = np.linalg.solve(mass[np.ix_(~fixed, ~fixed)], (force - mass @ y)[~fixed])
+        for node, P in members:
+            a[node] = P @ T @ y
+
+
+def _extrapolated(coarse: History, fine: History) -> History:
+    """Richardson: (4 fine - coarse) / 3 at every kept time; rotations along the shorter arc."""
+    apart = 0.0
+    length = fine.model.scales["length"]
+    records = []
+    for a, b in zip(coarse.records, fine.records, strict=False):
+        turn = relative_rotation(a.state.q, b.state.q)
+        apart = max(apart, float(np.abs(b.state.r - a.state.r).max()) / length, float(np.abs(turn).max()))
+        q = multiply(b.state.q, quaternion_from_vector(turn / 3))
+        state = replace(b.state, r=(4 * b.state.r - a.state.r) / 3, q=q)
+        rates = Rates(*((4 * getattr(b.rates, n) - getattr(a.rates, n)) / 3 for n in ("v", "a", "b")))
+        work = {name: (4 * done - (a.work or {})[name]) / 3 for name, done in (b.work or {}).items()}
+        records.append(replace(b, state=state, reactions=(4 * b.reactions - a.reactions) / 3, rates=rates, work=work))
+    fine.records[:] = records
+    fine.extrapolated = apart / 3
+    fine.message += f"; extrapolated from two step lengths, the finer one was {apart / 3:.1e} off"
+    for name in ("iterations", "residuals"):
+        setattr(fine.counters, name, getattr(fine.counters, name) + getattr(coarse.counters, name))
+    return fine
