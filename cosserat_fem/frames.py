@@ -34,7 +34,8 @@ HEAD = struct.Struct("<QI")
 def pack(about: dict[str, Any], arrays: dict[str, np.ndarray]) -> bytes:
     """Numbers and arrays as the bytes of an NPZ file."""
     out = io.BytesIO()
-    np.savez(out, about=np.frombuffer(json.dumps(about).encode(), dtype=np.uint8), **arrays)
+    named: dict[str, Any] = {"about": np.frombuffer(json.dumps(about).encode(), dtype=np.uint8), **arrays}
+    np.savez(out, **named)
     return out.getvalue()
 
 

@@ -90,7 +90,7 @@ class Hinge:
         Direction, any length; the angle is right-handed about it.
     angle : rate [rad/s], (times, angles [rad]) or function of t
     smooth : bool
-        A table is a cubic spline that starts and ends at rest, instead of linear (which jumps in velocity).
+        A table is a smooth curve that starts and ends at rest, instead of linear (which jumps in velocity).
     """
 
     point: Any
@@ -140,7 +140,7 @@ class Slider:
         Direction, any length.
     travel : rate [m/s], (times, distances [m]) or function of t
     smooth : bool
-        A table is a cubic spline that starts and ends at rest, instead of linear (which jumps in velocity).
+        A table is a smooth curve that starts and ends at rest, instead of linear (which jumps in velocity).
     """
 
     axis: Any
@@ -182,7 +182,7 @@ class Path:
         for a function) counts, because that is where the part is drawn. Between rows the position is linear and the
         rotation turns at a constant rate the shorter way round. `Path.read` takes a CSV file.
     smooth : bool
-        Cubic splines through the table for place and rotation, the place starting and ending at rest.
+        Smooth curves through the table: the place starts and ends at rest, the rotation is a spline.
     """
 
     motion: Any

@@ -100,7 +100,9 @@ def _ledger(path: pathlib.Path) -> Figure:
     ax = figure.subplots()
     last = names.index("px")
     for k, name in enumerate(names[1:last], 1):
-        style = {"color": "black", "ls": ":"} if name == "integrator" else {"color": COLOURS[(k - 1) % len(COLOURS)]}
+        style: dict[str, Any] = {"color": COLOURS[(k - 1) % len(COLOURS)]}
+        if name == "integrator":
+            style = {"color": "black", "ls": ":"}
         label = name if name in ("kinetic", "strain", "integrator") else f"work of {name}"
         ax.plot(table[:, 0], table[:, k], label=label, **style, **_marker(table[:, 0]))
     ax.set_xlabel("time [s]")

@@ -46,6 +46,7 @@ from .space import State
 from .statics import solve_quasistatic, solve_static
 
 PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "pyvista", "vtk", "h5py", "pyamg")
+COUNTED = ("iterations", "residuals")  # counters that go on in a resumed run
 SAVE_EVERY = 3.0  # s of wall time between checkpoints of a run in time
 
 
@@ -253,7 +254,9 @@ def _solve_in_time(
                 frames.append(record)
                 written += 1
             frames.sync()
-            write_checkpoint(folder / CHECKPOINT, identity, run.checkpoint(), asdict(run.history.counters))
+            so_far = asdict(run.history.counters)
+            so_far |= {name: so_far[name] + counters.get(name, 0) for name in COUNTED}
+            write_checkpoint(folder / CHECKPOINT, identity, run.checkpoint(), so_far)
         except OSError as error:
             run.history.status = "stopped"
             run.history.message = f"t = {run.t:g} s: the run could not be saved: {_why(error)}"
@@ -283,7 +286,7 @@ def _solve_in_time(
         if frames is not None:
             frames.close()
     history.records[:0] = before
-    for name in ("iterations", "residuals"):
+    for name in COUNTED:
         setattr(history.counters, name, getattr(history.counters, name) + counters.get(name, 0))
     if asked:
         resumable = "" if extrapolated else f"; `cosserat-fem resume {folder}` goes on"

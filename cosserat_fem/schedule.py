@@ -1,7 +1,7 @@
 """How does a given number change with time? Constants, tables and functions, one way to ask all three.
 
-Rule: a schedule answers `at(t)`, its rates and its kinks; a table is linear between its rows, or a cubic spline that starts
-and ends at rest, and answers only inside its own span, because a value that silently stays at the end of a table is how
+Rule: a schedule answers `at(t)`, its rates and its kinks; a table is linear between its rows, or a smooth curve that
+starts and ends at rest, and answers only inside its own span, because a value that silently stays at the end of a table is how
 a motion stops halfway without anyone noticing. Rates are exact for constants, tables and anything with a
 `derivative` method (a scipy spline or polynomial); those of other functions are differences of fourth order.
 """
@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BPoly, PchipInterpolator
 
 from .errors import check_shape
 
@@ -33,7 +33,8 @@ class Schedule:
     rate : bool
         If true a constant is a rate [1/s]: the value is rate * t.
     smooth : bool
-        If true a table is a cubic spline with rate 0 at both ends, so that velocity and acceleration are continuous.
+        If true a table is a smooth curve with rate 0 at both ends: velocity and acceleration are continuous, and it
+        stays where two rows are equal.
     jumps : bool
         If true two rows may have the same time: the value jumps there, and the second row counts at that time.
     """
@@ -53,7 +54,7 @@ class Schedule:
         self._function: Callable[[float], Any] | None = None
         self._rate = 0.0
         self._constant = np.zeros(shape)
-        self._spline: CubicSpline | None = None
+        self._curve: BPoly | None = None
         self._last: tuple[float, Any] = (np.nan, None)  # every iteration of a step asks for the same time
         if callable(value):
             self._function = value
@@ -72,7 +73,7 @@ class Schedule:
             if jumps and (np.diff(np.flatnonzero(np.append(steps == 0, False))) == 1).any():
                 raise ValueError(f"{name}: more than two rows have the same time; two make a jump.")
             if smooth:
-                self._spline = CubicSpline(self.times, self.values, bc_type="clamped")
+                self._curve = _smooth(self.times, self.values)
         else:
             constant = check_shape(name, value, shape)
             if rate:
@@ -99,8 +100,8 @@ class Schedule:
                     f"{self.name}: the table runs from {self.times[0]:g} s to {self.times[-1]:g} s, "
                     f"but the run asks for {t:g} s. Extend the table or shorten the run."
                 )
-            if self._spline is not None:
-                return self._spline(t) if self.shape else float(self._spline(t))
+            if self._curve is not None:
+                return self._curve(t) if self.shape else float(self._curve(t))
             k = int(np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2))
             width = self.times[k + 1] - self.times[k]  # 0 at a jump that ends the table
             part = min(max((t - self.times[k]) / width, 0.0), 1.0) if width > 0 else 1.0
@@ -116,8 +117,8 @@ class Schedule:
         zero = np.zeros(self.shape)
         if self.times is not None:
             self.at(t)
-            if self._spline is not None:
-                return self._spline(t, 1), self._spline(t, 2)
+            if self._curve is not None:
+                return self._curve(t, 1), self._curve(t, 2)
             slack = 1e-9 * (self.times[-1] - self.times[0])
             t += -slack if before else slack
             k = int(np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2))
@@ -140,7 +141,14 @@ class Schedule:
     @property
     def kinks(self) -> np.ndarray:
         """Times (K,) [s] at which the slope may jump: the rows of a linear table."""
-        return np.empty(0) if self.times is None or self._spline is not None else self.times
+        return np.empty(0) if self.times is None or self._curve is not None else self.times
+
+
+def _smooth(times: np.ndarray, values: np.ndarray) -> BPoly:
+    """Quintic pieces through the rows, with the slopes of a monotone interpolant (PCHIP) and no acceleration at rows."""
+    slopes = PchipInterpolator(times, values).derivative()(times) if len(times) > 2 else np.zeros_like(values)
+    slopes[[0, -1]] = 0.0
+    return BPoly.from_derivatives(times, np.stack([values, slopes, np.zeros_like(values)], axis=1))
 
 
 def _is_table(value: Any, shape: tuple[int, ...]) -> bool:

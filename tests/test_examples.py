@@ -8,6 +8,7 @@ import runpy
 import numpy as np
 import pytest
 
+import cosserat_fem as cf
 from cosserat_fem.cli import main
 
 EXAMPLES = pathlib.Path(__file__).parents[1] / "examples"
@@ -60,6 +61,44 @@ def test_princeton_beam():
     """Collocation at 45 deg: 8.88740 mm, 109.03588 mm, 1.664822 deg."""
     rows = run_script("princeton_beam.py")
     np.testing.assert_allclose(rows[3], [8.887396e-3, 109.035877e-3, 1.664822], rtol=1e-6)
+
+
+def test_fast_hinge(tmp_path):
+    """The cable is light: in 1 s the forces are those of the slow deployment within 1 %, and a ripple is left."""
+    rows = run_scene("satellite_hinge_fast.toml", tmp_path)
+    force = np.linalg.norm(rows["fixed end"][:, 1:4], axis=1)
+    assert force[-1] == pytest.approx(1318.891, rel=1e-3)
+    assert np.abs(np.diff(force[-15:])).max() > 0
+
+
+def test_panel_closing(tmp_path):
+    """The panel's cable ends hanging from above, still swinging; the other never moved: its tie carries its weight."""
+    rows = run_scene("panel_closing.toml", tmp_path)
+    weight = 2500 * np.pi / 4 * 0.005**2 * 9.81
+    np.testing.assert_allclose(rows["wall tie"][:, 3], 0.4 * weight, rtol=1e-3)
+    assert rows["panel tie"][:, 3].mean() == pytest.approx(0.3 * weight, rel=0.1)
+
+
+def test_moving_lens_stage(tmp_path):
+    """Before and after the travel the cable pushes the stage as its equilibria do."""
+    rows = run_scene("moving_lens_stage.toml", tmp_path)
+    end = rows["stage end"][-20:, 1].mean()
+    assert rows["housing"][-20:, 1].mean() == pytest.approx(-end, rel=0.02)
+    scene = cf.load_scene(EXAMPLES / "moving_lens_stage.toml")
+    assert end == pytest.approx(cf.solve_static(scene.model, t=0.6).reaction("stage end")[0, 0], rel=0.02)
+
+
+def test_flexible_pendulum():
+    assert run_script("flexible_pendulum.py") < 5e-5
+
+
+def test_flying_spaghetti():
+    assert run_script("flying_spaghetti.py") < 5e-5
+
+
+def test_spin_up():
+    """By spectral elements -0.571312 m at 7 s; the largest is a little earlier."""
+    assert run_script("spin_up.py") == pytest.approx(0.576, abs=0.002)
 
 
 def test_readme():

@@ -84,3 +84,11 @@ def test_smooth_path_passes_through_its_table():
         np.testing.assert_allclose(start @ place[0] + c, place[k], atol=1e-12)
         turn = cf.Path((TIMES, place, q)).pose(t)[0]
         np.testing.assert_allclose(R, turn, atol=1e-12)
+
+
+def test_smooth_table_stays_where_rows_are_equal():
+    schedule = Schedule("travel", ([0, 1, 2, 3], [0.0, 1.0, 1.0, 0.5]), smooth=True)
+    inside = np.linspace(1, 2, 11)
+    np.testing.assert_allclose([schedule.at(t) for t in inside], 1.0, atol=1e-15)
+    climb = np.array([schedule.at(t) for t in np.linspace(0, 1, 51)])
+    assert (np.diff(climb) >= 0).all()

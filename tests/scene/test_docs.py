@@ -26,6 +26,10 @@ CHAPTERS = {
     "Gravity": tables.GravityTable,
     'Load `kind = "point"`': tables.PointLoadTable,
     'Load `kind = "line"`': tables.LineLoadTable,
+    "Damping": tables.DampingTable,
+    "Drag": tables.DragTable,
+    "Electrostatic": tables.ElectrostaticTable,
+    "Start velocity": tables.VelocityTable,
     "Solve": tables.SolveTable,
     "Output": tables.OutputTable,
 }
