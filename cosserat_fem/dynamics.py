@@ -252,6 +252,12 @@ class Run:
         self._stops = np.unique(np.concatenate([self._motion_kinks, _inside(loads, t, end), [end]]))
         if times is not None:
             self._stops = np.unique(np.concatenate([self._stops, times[times > t]]))
+        # what happens at each stop: the load jumps, rates are found anew, the state is kept
+        near = SMALLEST * (end - t)
+        jumping = _near(self._stops, self._load_jumps, near)
+        settling = jumping | _near(self._stops, self._motion_kinks, near)
+        keeping = np.ones(len(self._stops), dtype=bool) if times is None else _near(self._stops, times, near)
+        self._at_stop = list(zip(jumping.tolist(), settling.tolist(), keeping.tolist(), strict=True))
 
     @property
     def t(self) -> float:
@@ -283,7 +289,8 @@ class Run:
         if self._dampers:
             self.work["internal damping"] = 0.0
         self._settle(told=velocity is not None)
-        self._keep_if_wanted(0, 0.0)
+        if self.times is None or abs(self.times[0] - self.begin_time) <= SMALLEST * (self.end - self.begin_time):
+            self._keep(0, 0.0)
 
     def _first_step(self) -> float:
         if isinstance(self.step, FixedStep):
@@ -382,12 +389,14 @@ class Run:
         wanted = self.wanted_h
         near = SMALLEST * (self.end - self.begin_time)
         while True:
-            stop = float(self._stops[np.searchsorted(self._stops, self.state.t + near)])
+            k = int(np.searchsorted(self._stops, self.state.t + near))
+            stop = float(self._stops[k])
             left = stop - self.state.t
             n = max(1, int(np.ceil(left / wanted - 1e-9)))
             h = left / n
             t1 = stop if n == 1 else self.state.t + h
-            solved, inertia = self._try(h, t1)
+            jumps, settles, keeps = self._at_stop[k] if n == 1 else (False, False, self.times is None)
+            solved, inertia = self._try(h, t1 - BEFORE * (self.end - self.begin_time) if jumps else t1)
             error = 0.0
             if solved.converged and isinstance(self.step, AdaptiveStep):
                 error = self._error(solved, inertia, h)
@@ -409,10 +418,11 @@ class Run:
                 self.wanted_h = min(self.wanted_h, self.step.largest)
         else:
             self.wanted_h = self.step.dt
-        if np.any(np.abs(self._motion_kinks - t1) <= near) or np.any(np.abs(self._load_jumps - t1) <= near):
+        if settles:
             self.state = self.state.at_time(t1)
             self._settle(told=False)
-        self._keep_if_wanted(solved.iterations, solved.residual)
+        if keeps:
+            self._keep(solved.iterations, solved.residual)
 
     def _error(self, solved: Solved, inertia: InertiaStep, h: float) -> float:
         """Error of a step in parts of the allowed one."""
@@ -432,9 +442,7 @@ class Run:
         if h != self.h:  # b belongs to a time that lies am - af steps beyond the state
             grown = h / self.h if h <= GROWTH * self.h else 0.0
             rates = Rates(rates.v, rates.a, rates.a + grown * (rates.b - rates.a))
-        if np.any(np.abs(self._load_jumps - t1) <= SMALLEST * (self.end - self.begin_time)):
-            t1 -= BEFORE * (self.end - self.begin_time)
-        driven = self._driven(*model.constraints.driven(t1, before=True))
+        driven = self._driven(*model.constraints.driven(t1, before=True)) if len(self._driven_nodes) else NOBODY
         tables = None
         if self._dampers:
             tables = [
@@ -500,10 +508,7 @@ class Run:
         space = self.model.space
         return tuple(space.strain_and_frame(state, k)[0] for k in range(len(space.groups)))
 
-    def _keep_if_wanted(self, iterations: int, residual: float) -> None:
-        t = self.state.t
-        if self.times is not None and not np.any(np.abs(self.times - t) <= SMALLEST * max(abs(self.end), 1e-300)):
-            return
+    def _keep(self, iterations: int, residual: float) -> None:
         reactions = self.reactions_now()
         self.history.records.append(
             Record(self.state, reactions, iterations, residual, -1, self.rates, dict(self.work))
@@ -543,6 +548,14 @@ class Run:
         self.strain, self.strain_before, self.strain_step = saved.strain, saved.strain_before, saved.strain_step
         self._tabulate_forces()
         self.steps[:] = saved.log
+
+
+NOBODY = Driven(np.empty(0, dtype=np.int64), np.empty((0, 2, 3)), np.empty((0, 2, 3)))
+
+
+def _near(stops: np.ndarray, times: np.ndarray, slack: float) -> np.ndarray:
+    """Which stops are one of these times."""
+    return (np.abs(stops[:, None] - times[None]) <= slack).any(axis=1)
 
 
 def _names(terms: Sequence[Any]) -> list[str]:

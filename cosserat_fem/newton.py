@@ -13,6 +13,7 @@ not be used where the wanted state is unstable. The residual is untouched by mu,
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +31,7 @@ RESIDUAL = 1e-11  # relative
 ROUND_OFF = 2 * np.finfo(float).eps
 STAGNANT = 32.0  # residual in units of the tolerance, accepted when a small step no longer halves it
 NO_REACTIONS = np.empty((0, 6))
+NO_PLACES = (np.empty((0, 3)), np.empty((0, 4)))
 LARGEST_TURN = 0.8  # rad in one guarded step
 SMALLEST_SHIFT = 1e-6
 
@@ -251,7 +253,10 @@ class CompiledStep:
     def solve(self, guess: State, moved: np.ndarray, step: InertiaStep, driven: Driven) -> Solved:
         """End of a time step, from a predicted state that has moved by `moved` (N, 3); both are changed."""
         model, space = self.model, self.model.space
-        targets = model.constraints.targets(guess.t)
+        places: Any = NO_PLACES
+        if model.constraints.n_supports:
+            targets = model.constraints.targets(guess.t)
+            places = (targets.place, targets.quaternion)
         loads = [term.table(guess.t, space) for term in model.terms]  # type: ignore[attr-defined]
         loads = loads or [NO_LOADS]
         columns = ([getattr(load, name) for load in loads] for name in ("nodes", "force", "moment", "kinds"))
@@ -278,7 +283,7 @@ class CompiledStep:
         tables = self.group.tables if step.tables is None else step.tables[0]
         beam = (self.group.packed_conn, self.group.n_elements, self.group.N, *tables, space.owner)
         status, k, checks, residual, where = newton_step(
-            beam, self.linear, (*self.held, targets.place, targets.quaternion), inertia, table, limits, 20, moved, r,
+            beam, self.linear, (*self.held, *places), inertia, table, limits, 20, moved, r,
             q, sigma, (g, self.nodal, self.du, step.D, step.v, step.a, step.b, self.each, self.R),
         )  # fmt: skip
         counters = self.newton.counters

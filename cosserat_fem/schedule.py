@@ -1,13 +1,14 @@
 """How does a given number change with time? Constants, tables and functions, one way to ask all three.
 
 Rule: a schedule answers `at(t)`, its rates and its kinks; a table is linear between its rows, or a smooth curve that
-starts and ends at rest, and answers only inside its own span, because a value that silently stays at the end of a table is how
-a motion stops halfway without anyone noticing. Rates are exact for constants, tables and anything with a
+starts and ends at rest, and answers only inside its own span, because a value that silently stays at the end of a table
+is how a motion stops halfway without anyone noticing. Rates are exact for constants, tables and anything with a
 `derivative` method (a scipy spline or polynomial); those of other functions are differences of fourth order.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
 from typing import Any
 
@@ -51,6 +52,7 @@ class Schedule:
     ) -> None:
         self.name, self.shape = name, shape
         self.times: np.ndarray | None = None
+        self._rows: list[float] = []
         self._function: Callable[[float], Any] | None = None
         self._rate = 0.0
         self._constant = np.zeros(shape)
@@ -63,6 +65,7 @@ class Schedule:
             self.values = check_shape(f"{name}: values", value[1], (len(self.times), *shape))
             if len(self.times) < 2:
                 raise ValueError(f"{name}: a table needs at least two times (got {len(self.times)}).")
+            self._rows = self.times.tolist()  # looked up at every step: a list is faster than an array
             steps = np.diff(self.times)
             back = np.flatnonzero(steps < 0 if jumps else steps <= 0)
             if len(back):
@@ -94,17 +97,17 @@ class Schedule:
 
     def _evaluate(self, t: float) -> Any:
         if self.times is not None:
-            slack = 1e-9 * (self.times[-1] - self.times[0])
-            if not self.times[0] - slack <= t <= self.times[-1] + slack:
+            slack = 1e-9 * (self._rows[-1] - self._rows[0])
+            if not self._rows[0] - slack <= t <= self._rows[-1] + slack:
                 raise ValueError(
                     f"{self.name}: the table runs from {self.times[0]:g} s to {self.times[-1]:g} s, "
                     f"but the run asks for {t:g} s. Extend the table or shorten the run."
                 )
             if self._curve is not None:
                 return self._curve(t) if self.shape else float(self._curve(t))
-            k = int(np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 2))
-            width = self.times[k + 1] - self.times[k]  # 0 at a jump that ends the table
-            part = min(max((t - self.times[k]) / width, 0.0), 1.0) if width > 0 else 1.0
+            k = min(max(bisect_right(self._rows, t) - 1, 0), len(self._rows) - 2)
+            width = self._rows[k + 1] - self._rows[k]  # 0 at a jump that ends the table
+            part = min(max((t - self._rows[k]) / width, 0.0), 1.0) if width > 0 else 1.0
             value = (1.0 - part) * self.values[k] + part * self.values[k + 1]
             return value if self.shape else float(value)
         if self._function is not None:

@@ -288,6 +288,11 @@ class Space:
         return inertia
 
     @cached_property
+    def heaviest(self) -> tuple[float, float]:
+        """Largest mass [kg] and rotary inertia [kg m^2] of a node."""
+        return float(self.node_mass.max()), float(self.node_inertia.max())
+
+    @cached_property
     def owner(self) -> np.ndarray:
         """One element (number in its group) for each node, to add nodal matrices once."""
         owner = np.empty(self.n_nodes, dtype=np.int64)

@@ -59,7 +59,7 @@ class InertiaStep:
         h, am, af, beta, gamma = coefficients
         self.slope = gamma / (beta * h)
         self.grows = (1 - am) / ((1 - af) * beta * h * h)  # of an acceleration with an increment
-        self.heaviest = (self.grows * float(space.node_mass.max()), self.grows * float(space.node_inertia.max()))
+        self.heaviest = (self.grows * space.heaviest[0], self.grows * space.heaviest[1])
         self.D, self.v, self.a, self.b = np.empty((4, space.n_nodes, 6))
 
     def with_velocity(self, state: State) -> State:
