@@ -100,7 +100,7 @@ def _ledger(path: pathlib.Path) -> Figure:
     ax = figure.subplots()
     last = names.index("px")
     for k, name in enumerate(names[1:last], 1):
-        style: dict[str, Any] = {"color": COLOURS[(k - 1) % len(COLOURS)]}
+        style: dict[str, Any] = {"color": f"C{k - 1}", "ls": "-" if k <= 10 else "--"}
         if name == "integrator":
             style = {"color": "black", "ls": ":"}
         label = name if name in ("kinetic", "strain", "integrator") else f"work of {name}"

@@ -120,9 +120,10 @@ class Picture:
         low, high = np.array(self.plotter.bounds).reshape(3, 2).T
         flat = int(np.argmin(high - low))
         # a flat scene is seen from its thin side, anything else from a corner
-        if (high - low)[flat] < 0.35 * (high - low).max():
-            direction = np.eye(3)[flat] + 0.35 * np.eye(3)[(flat + 1) % 3] - 0.45 * np.eye(3)[(flat + 2) % 3]
-            up = np.eye(3)[(flat + 2) % 3]
+        x, y, z = np.eye(3)
+        if (high - low)[flat] < 0.35 * (high - low).max():  # z upwards, except when looking along it
+            toward, right, up = ((x, y, z), (-y, x, z), (z, x, y))[flat]
+            direction = toward + 0.35 * right + (-0.45 if flat == 2 else 0.3) * up
         else:
             direction, up = np.array([1.0, -1.6, 0.9]), np.array([0.0, 0.0, 1.0])
         direction = direction / np.linalg.norm(direction)
