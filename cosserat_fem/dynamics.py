@@ -19,6 +19,7 @@ the matrix of the step, (ca M + K) e = ca M h^2 c (b1 - b0), which leaves slow m
 from __future__ import annotations
 
 import logging
+from bisect import bisect_left, insort
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -33,7 +34,7 @@ from .model import Model
 from .newton import CompiledStep, Newton, Solved
 from .space import State
 from .statics import solve_static
-from .terms.dissipative import damped_tables
+from .terms.dissipative import damped_tables, tables_at_rate
 from .terms.inertial import Driven, InertiaStep, Rates
 
 log = logging.getLogger(__name__)
@@ -43,6 +44,7 @@ SMALLEST = 1e-10  # of the duration: a step shorter than this ends the run
 JUMP = 1e-5  # in rod lengths, or rad, over the duration: velocities that differ by more jump
 GROWTH = 4.0  # a step longer than this many of the last one starts with b = a
 PLAIN_ESTIMATE = 0.3  # in parts of the allowed error: below it the estimate is good enough as it is
+LARGEST_TURN = 2.0  # rad in a step; the rotation vector of a step is unique below pi
 LONGER, SAFETY = 1.5, 0.8  # growth of a step; aim at this part of the step that would just be allowed
 SHORT = 1e-3  # part of a step over which a strain rate is measured
 BEFORE = 1e-13  # of the duration: how long before a jump of a load the step that ends there is evaluated
@@ -73,7 +75,7 @@ class AdaptiveStep:
 
 @dataclass(frozen=True)
 class FixedStep:
-    """Steps of one length, shortened a little so that they end at output times and kinks.
+    """Steps of one length, shortened so that they end at output times and kinks, and turn no section by more than 2 rad.
 
     Parameters
     ----------
@@ -182,6 +184,8 @@ def solve_dynamic(
     kept = None if times is None else _check_times(times, start_time, end)
     check_dynamic(model, (start_time, end))
     if isinstance(step, FixedStep) and step.richardson:
+        if resume is not None:
+            raise ValueError("solve_dynamic: an extrapolated run cannot be resumed; run it with one step length.")
         if kept is None:
             n = max(1, int(np.ceil(duration / step.dt - 1e-9)))
             kept = np.linspace(start_time, end, n + 1)
@@ -249,9 +253,10 @@ class Run:
         loads = [term.kinks for term in model.terms if hasattr(term, "kinks")]
         jumps = [term.jumps for term in model.terms if hasattr(term, "jumps")]
         self._load_jumps = _inside(jumps, t, end)
-        self._stops = np.unique(np.concatenate([self._motion_kinks, _inside(loads, t, end), [end]]))
+        wanted = [self._load_jumps, self._motion_kinks, _inside(loads, t, end), np.array([end])]
         if times is not None:
-            self._stops = np.unique(np.concatenate([self._stops, times[times > t]]))
+            wanted.append(times[times > t])
+        self._stops = _merged(wanted, SMALLEST * (end - t))
         # what happens at each stop: the load jumps, rates are found anew, the state is kept
         near = SMALLEST * (end - t)
         jumping = _near(self._stops, self._load_jumps, near)
@@ -269,6 +274,7 @@ class Run:
         """Start state, its velocity and the acceleration that balances it."""
         model = self.model
         if isinstance(start, State):
+            model.check_state(replace(start, stress=model.initial_state().stress))
             state = start.at_time(self.begin_time)
         elif start == "drawn":
             state = model.initial_state(self.begin_time)
@@ -295,7 +301,8 @@ class Run:
     def _first_step(self) -> float:
         if isinstance(self.step, FixedStep):
             return self.step.dt
-        return self.step.first or 1e-3 * (self.end - self.begin_time)
+        first = self.step.first or 1e-3 * (self.end - self.begin_time)
+        return min(first, self.step.largest or first)
 
     def _check_place(self, state: State) -> None:
         """SceneError if held places are not where their supports are."""
@@ -327,24 +334,56 @@ class Run:
                     if jump > JUMP * scale and m < c.n_supports:
                         jumps.append((model.supports[m].to.name, jump, ("m/s", "rad/s")[k]))
                     v[node, part], a[node, part] = driven.v[m, k], driven.a[m, k]
+        for row, jump in self._match_partly_held(held, pushed, v, a):
+            jumps.append((model.supports[row].to.name, jump, "m/s or rad/s"))
         if jumps and not told:
             name, jump, unit = max(jumps, key=lambda x: x[1])
             model.warn(
                 f"part {name!r}: its velocity jumps by {jump:.3g} {unit} at t = {self.state.t:g} s; the rod answers with a "
                 "wave whose force at the first instant depends on the step. A smooth motion avoids it."
             )
-        state = replace(self.state, velocity=v) if self._velocity_terms else self.state
-        total = model.residual(state)
-        _accelerate(model, state, total.g, v, a, driven)
-        self.rates = Rates(v, a, a.copy())
-        self.g = total.g + _inertia(model, v, a)
-        self.forces = self._tabulate_forces()
+        tables = None
         if self._dampers:  # the strain a step ago, as the velocity says
-            self.strain, self.strain_step = self._strains(state), self.h
+            self.strain, self.strain_step = self._strains(self.state), self.h
             past = model.space.update(self.state, v, -SHORT * self.h)
             self.strain_before = tuple(
                 now + (then - now) / SHORT for now, then in zip(self.strain, self._strains(past), strict=True)
             )
+            tables = [
+                tables_at_rate(group, D, (now - then) / self.h)
+                for group, D, now, then in zip(
+                    model.space.groups, self._damping, self.strain, self.strain_before, strict=True
+                )
+            ]
+        state = replace(self.state, velocity=v) if self._velocity_terms else self.state
+        g, _ = model.external(state, tangent=False)
+        model.internal.residual(state, model.space, g, tables)
+        _accelerate(model, state, g, v, a, driven)
+        self.rates = Rates(v, a, a.copy())
+        self.g = g + _inertia(model, v, a)
+        self.forces = self._tabulate_forces()
+
+    def _match_partly_held(
+        self, held: np.ndarray, pushed: np.ndarray, v: np.ndarray, a: np.ndarray
+    ) -> list[tuple[int, float]]:
+        """Give the held components of supports that free others their part's rates; rows whose velocity jumped."""
+        c, model = self.model.constraints, self.model
+        jumped = []
+        now = c.evaluate(self.state, c.targets(self.state.t)) if c.tilted else None
+        for row in c.tilted:
+            node, T = c.support_node[row], now.T[row]  # type: ignore[union-attr]
+            fixed = c.held[row]
+            wanted, y = np.linalg.solve(T, held[row]), np.linalg.solve(T, v[node])
+            scale = np.array([*3 * [model.scales["length"]], *3 * [1.0]]) / (self.end - self.begin_time)
+            jump = np.abs(wanted - y) * fixed
+            if (jump > JUMP * scale).any():
+                jumped.append((row, float(jump.max())))
+            y[fixed] = wanted[fixed]
+            v[node], a[node] = T @ y, pushed[row]
+            for k in np.flatnonzero(c.lead == node):
+                follower = c.nodes[c.n_supports + k]
+                v[follower] = np.concatenate([v[node, :3], c.seen[k] @ v[node, 3:]])
+        return jumped
 
     def _driven(self, held: np.ndarray, pushed: np.ndarray) -> Driven:
         """Rates of held places from those of the supports (supports, 6), for the kernel."""
@@ -373,10 +412,9 @@ class Run:
                     self.history.status = "stopped"
                     self.history.message = f"stopped by the caller at t = {self.state.t:g} s"
                     return self.history
-        except ValueError as error:
-            if isinstance(error, SceneError | ConvergenceError):
-                raise
-            raise SceneError(str(error)) from None
+        except ValueError as error:  # a table or function that has no value; what was found is not lost
+            self.history.status, self.history.message = "stopped", f"t = {self.state.t:g} s: {error}"
+            raise ConvergenceError(self.history.message, self.history, self.state) from None
         rejected = sum(not accepted for *_, accepted in self.steps)
         self.history.message = (
             f"{len(self.steps) - rejected} steps, {rejected} rejected, {self.history.counters.iterations} iterations"
@@ -386,7 +424,8 @@ class Run:
 
     def _advance(self) -> None:
         """One accepted step."""
-        wanted = self.wanted_h
+        fastest = float(np.abs(self.rates.v[:, 3:]).max())
+        wanted = min(self.wanted_h, LARGEST_TURN / max(fastest, 1e-300))
         near = SMALLEST * (self.end - self.begin_time)
         while True:
             k = int(np.searchsorted(self._stops, self.state.t + near))
@@ -396,7 +435,8 @@ class Run:
             h = left / n
             t1 = stop if n == 1 else self.state.t + h
             jumps, settles, keeps = self._at_stop[k] if n == 1 else (False, False, self.times is None)
-            solved, inertia = self._try(h, t1 - BEFORE * (self.end - self.begin_time) if jumps else t1)
+            at = min(t1 - BEFORE * (self.end - self.begin_time), np.nextafter(t1, -np.inf)) if jumps else t1
+            solved, inertia = self._try(h, at)
             error = 0.0
             if solved.converged and isinstance(self.step, AdaptiveStep):
                 error = self._error(solved, inertia, h)
@@ -484,7 +524,8 @@ class Run:
             strain = self._strains(solved.state)
             for k, group in enumerate(self.model.space.groups):
                 change = strain[k] - self.strain[k]
-                self.work["internal damping"] -= float((group.dx[..., None] * self._damping[k] * change**2).sum()) / h
+                taken = np.einsum("eq,eqi,eqij,eqj->", group.dx, change, self._damping[k], change)
+                self.work["internal damping"] -= float(taken) / h
             self.strain_before, self.strain, self.strain_step = self.strain, strain, h
         self.state, self.g, self.forces = solved.state, g, forces
         self.rates = Rates(inertia.v, inertia.a, inertia.b)
@@ -553,6 +594,16 @@ class Run:
 NOBODY = Driven(np.empty(0, dtype=np.int64), np.empty((0, 2, 3)), np.empty((0, 2, 3)))
 
 
+def _merged(lists: Sequence[np.ndarray], slack: float) -> np.ndarray:
+    """Times of all lists in order; of those closer than `slack` only the one of the earliest list."""
+    kept: list[float] = []
+    for t in np.concatenate(lists).tolist():
+        k = bisect_left(kept, t - slack)
+        if k == len(kept) or kept[k] > t + slack:
+            insort(kept, t)
+    return np.array(kept)
+
+
 def _near(stops: np.ndarray, times: np.ndarray, slack: float) -> np.ndarray:
     """Which stops are one of these times."""
     return (np.abs(stops[:, None] - times[None]) <= slack).any(axis=1)
@@ -566,7 +617,7 @@ def _names(terms: Sequence[Any]) -> list[str]:
 
 def _inside(lists: Sequence[np.ndarray], start: float, end: float) -> np.ndarray:
     every = np.unique(np.concatenate([*lists, np.empty(0)]))
-    return every[(every > start) & (every < end)]
+    return every[(every > start) & (every <= end)]
 
 
 def _check_times(times: Any, start: float, end: float) -> np.ndarray:
@@ -592,6 +643,14 @@ def check_dynamic(model: Model, times: Sequence[float]) -> None:
                 f"rod {rod.name!r}: has no mass at s = {s[k]:.4g} m, and a run in time needs it. Give its section a density "
                 "or mass_per_length."
             )
+    if not faults:
+        for name, values in (("mass", model.space.node_mass), ("rotary inertia", model.space.node_inertia.min(axis=1))):
+            k = int(np.argmin(values))
+            if values[k] <= 1e-12 * values.max():
+                rod = model.rods[model.space.node_rod[k]]
+                faults.append(
+                    f"rod {rod.name!r}: has no {name} at s = {model.space.node_s[k]:.4g} m, and a run in time needs it."
+                )
     if faults:
         raise SceneError(faults)
     for t in times:  # tables that end too early are told before the run

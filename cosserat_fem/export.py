@@ -350,6 +350,11 @@ def write_ledger(history: History, path: str | os.PathLike[str]) -> None:
     write_csv(path, ["time", *names], rows.tolist())
 
 
+def write_steps(history: History, path: str | os.PathLike[str]) -> None:
+    """CSV of every step of a run in time: its end and length [s], its error in parts of the allowed one, 1 if accepted."""
+    write_csv(path, ["time", "length", "error", "accepted"], [(t, h, e, int(a)) for t, h, e, a in history.steps])
+
+
 def hinged_parts(history: History) -> list:
     """Parts of the model that turn on a hinge."""
     return [part for part in history.model.parts if isinstance(part.motion, Hinge)]

@@ -21,7 +21,7 @@ from .export import UNITS
 
 PROGRAM = "cosserat_fem"
 RESULTS = ("reactions.csv", "hinge_torque.csv", "history.vtkhdf", "parts.vtkhdf")
-IN_TIME = ("ledger.csv", "frames.bin", "checkpoint.npz")  # of a run in time
+IN_TIME = ("ledger.csv", "steps.csv", "frames.bin", "checkpoint.npz")  # of a run in time
 FILES = ("scene.toml", *RESULTS, *IN_TIME, "history.pvd", "summary.json")
 LOCK = ".running"
 # names that we give in each folder; pictures of one state are called after the field that colours them

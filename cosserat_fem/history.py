@@ -133,7 +133,10 @@ class History:
         return out
 
     def section_forces(self, rod: Rod | str, frame: Literal["material", "spatial"] = "material") -> np.ndarray:
-        """Force and moment (T, Q, 6) [N, N m] of the part beyond s on the part before it, in directors or in space."""
+        """Force and moment (T, Q, 6) [N, N m] of the part beyond s on the part before it, in directors or in space.
+
+        The elastic ones, from the strains; what internal damping adds to them is in the reactions only.
+        """
         strain, frames = self._along(rod)
         view = self.model.space[self.rod(rod)]
         C = self.model.space.groups[view.group].stiffness[view.elements].reshape(-1, 6, 6)

@@ -182,7 +182,7 @@ class Path:
         for a function) counts, because that is where the part is drawn. Between rows the position is linear and the
         rotation turns at a constant rate the shorter way round. `Path.read` takes a CSV file.
     smooth : bool
-        Smooth curves through the table: the place starts and ends at rest, the rotation is a spline.
+        Smooth curves through the table: the place starts and ends at rest, the rotation is a spline that need not.
     """
 
     motion: Any

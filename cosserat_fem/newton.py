@@ -272,6 +272,7 @@ class CompiledStep:
             noise + ROUND_OFF * step.heaviest[0] * s["size"],
             noise * s["element"] + ROUND_OFF * s["bending"] / s["smallest"] + ROUND_OFF * step.heaviest[1],
             1e-12 * s["size"],
+            s["bending"] / s["element"],
         )
         start, rates = step.start, step.rates
         inertia = (

@@ -35,6 +35,7 @@ from .export import (
     write_ledger,
     write_parts,
     write_reactions,
+    write_steps,
 )
 from .folder import PROGRAM, RESULTS, RunFolder
 from .frames import CHECKPOINT, FRAMES, FrameFile, read_checkpoint, read_frames, write_checkpoint
@@ -326,7 +327,7 @@ class _Writer:
         )
         named = dict(zip(RESULTS, writers, strict=True))
         if history.dynamic:
-            named["ledger.csv"] = write_ledger
+            named |= {"ledger.csv": write_ledger, "steps.csv": write_steps}
         for name, write in named.items():
             try:
                 write(history, self.folder / name)

@@ -3,7 +3,8 @@
 Rule: a schedule answers `at(t)`, its rates and its kinks; a table is linear between its rows, or a smooth curve that
 starts and ends at rest, and answers only inside its own span, because a value that silently stays at the end of a table
 is how a motion stops halfway without anyone noticing. Rates are exact for constants, tables and anything with a
-`derivative` method (a scipy spline or polynomial); those of other functions are differences of fourth order.
+`derivative` method (a scipy spline or polynomial); those of other functions are differences of fourth order,
+which ask for values up to 0.2 ms outside the run.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from scipy.interpolate import BPoly, PchipInterpolator
 
 from .errors import check_shape
 
-DIFFERENCE = 1e-3  # s, step of the differences for functions that do not know their rates
+DIFFERENCE = 1e-4  # s, step of the differences for functions that do not know their rates
 
 
 class Schedule:

@@ -187,6 +187,27 @@ def test_free_flight_energy():
             assert (np.diff(change[1:].reshape(5, 100).mean(axis=1)) < 0).all()
 
 
+@pytest.mark.slow
+def test_energy_over_a_hundred_thousand_steps():
+    section = cf.Section(
+        force_stiffness=(1e4,) * 3, moment_stiffness=(500,) * 3, mass_per_length=1.0, rotary_inertia=(10, 10, 10)
+    )
+    rod = cf.Rod("rod", section, [(-5, 0, 0), (5, 0, 0)], n_elements=4, order=2)
+    model = cf.Model([rod])
+    velocity = tumbling(model)
+    for rho in (1.0, 0.8):
+        history = cf.solve_dynamic(
+            model, 1000.0, start="drawn", velocity=velocity, rho_inf=rho, step=cf.FixedStep(0.01),
+            times=np.linspace(0, 1000, 5001),
+        )  # fmt: skip
+        change = (history.kinetic_energy + history.energy) / history.kinetic_energy[0] - 1
+        if rho == 1.0:
+            assert np.abs(change).max() < 1e-4
+        else:
+            assert change.max() < 1e-5
+            assert (np.diff(change[1:].reshape(10, 500).mean(axis=1)) < 0).all()
+
+
 def dzhanibekov(rate=20.0, flips=6):
     """Times of the flips of a stiff flat rod spun about its middle axis, and their period by the elliptic integral."""
     from scipy.special import ellipk
@@ -613,3 +634,125 @@ def test_static_history_has_no_velocities():
     history = cf.solve_static(arm_model())
     with pytest.raises(ValueError, match="not a run in time"):
         _ = history.kinetic_energy
+
+
+# what is easily lost in combinations
+
+
+def moving_bar(dt):
+    """A clamped, damped bar that starts with the velocity of its first axial mode; its end and the closed form."""
+    section = cf.Section(
+        force_stiffness=(1e4,) * 3, moment_stiffness=(1,) * 3, mass_per_length=1.0, rotary_inertia=(1e-3, 1e-3, 2e-3)
+    )
+    rod = cf.Rod("rod", section, [(0, 0, 0), (1, 0, 0)], n_elements=4)
+    model = cf.Model([rod], [cf.Clamp(rod, "start")], [cf.Damping(time=5e-4)])
+    velocity = np.zeros((model.space.n_nodes, 6))
+    velocity[:, 0] = 0.1 * np.sin(np.pi / 2 * model.space.node_s)
+    history = cf.solve_dynamic(
+        model,
+        0.05,
+        start="drawn",
+        velocity=velocity,
+        rho_inf=1.0,
+        step=cf.FixedStep(dt),
+        times=np.linspace(0, 0.05, 11),
+    )
+    omega = np.pi / 2 * 100
+    zeta = 0.5 * 5e-4 * omega**2
+    damped = np.sqrt(omega**2 - zeta**2)
+    exact = 0.1 / damped * np.exp(-zeta * history.t) * np.sin(damped * history.t)
+    return np.abs(history.positions("rod")[:, -1, 0] - 1 - exact).max(), history
+
+
+def test_damping_acts_from_the_first_instant():
+    """Order 2 and the reaction at t = 0 with a strain rate at the start: EA time dv/ds."""
+    errors = [moving_bar(dt)[0] for dt in (5e-4, 2.5e-4)]
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.15)
+    _, history = moving_bar(1e-4)
+    assert history.reaction("rod.start@ground")[0, 0] == pytest.approx(-1e4 * 5e-4 * 0.1 * np.pi / 2, rel=1e-3)
+
+
+def test_damping_in_proportion_to_a_coupled_stiffness():
+    C = np.diag([400, 500, 1000, 0.1, 0.2, 0.08])
+    C[2, 5] = C[5, 2] = 5.0
+    rod = cf.Rod("rod", cf.Section(coupled=C, mass_per_length=0.05), [(0, 0, 0), (0.5, 0, 0)], n_elements=2)
+    model = cf.Model([rod], [cf.Clamp(rod, "start")], [cf.Damping(time=1e-3)])
+    np.testing.assert_allclose(model.terms[0].coefficients(model.space, 0)[0, 0], 1e-3 * C)
+
+
+@pytest.mark.parametrize("free", [("x",), ("rx",), ("x", "rz")])
+def test_partly_held_end_has_the_velocity_of_its_part(free):
+    rod = cf.Rod("rod", SOFT, [(0, 0, 0), (0.5, 0, 0)], n_elements=3)
+    stage = cf.Part("stage", motion=cf.Slider((0, 1, 0), 0.5))
+    model = cf.Model([rod], [cf.Clamp(rod, "start", to=stage, free=free)])
+    history = cf.solve_dynamic(model, 0.1, start="drawn", step=cf.FixedStep(0.005))
+    np.testing.assert_allclose(history.velocities("rod")[:, 0, 1], 0.5, atol=1e-9)
+    assert "velocity jumps by 0.5" in model.warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("table", "options", "speed"),
+    [
+        (([0, 0.33, 0.33, 2], [0, 0, 1, 1]), {"duration": 0.99, "times": 0.03 * np.arange(34)}, 0.66),
+        (([0, 1, 1, 2], [1, 1, 0, 0]), {"duration": 1.0}, 1.0),
+        (([0, 1e4 + 0.3, 1e4 + 0.3, 2e4], [0, 0, 1, 1]), {"duration": 1.0, "start_time": 1e4}, 0.7),
+    ],
+    ids=["beside an output time", "at the end", "late"],
+)
+def test_jump_acts_from_its_time_on(table, options, speed):
+    rod = cf.Rod("rod", replace(SOFT, mass_per_length=2.0), [(0, 0, 0), (0.5, 0, 0)], n_elements=2)
+    load = cf.LineLoad(rod, force=(table[0], [(2 * f, 0, 0) for f in table[1]]))
+    step = cf.FixedStep(0.03 if "times" in options else 0.1)
+    history = cf.solve_dynamic(cf.Model([rod], [], [load]), start="drawn", step=step, **options)
+    assert history.velocities("rod")[-1, 0, 0] == pytest.approx(speed, abs=1e-8)
+
+
+def test_fast_turns_are_cut_into_steps():
+    """A free rod spinning about itself at 50 rad/s with steps of 0.1 s: no step turns by more than 2 rad."""
+    model = free_model()
+    history = cf.solve_dynamic(
+        model, 1.0, start="drawn", velocity=cf.RigidVelocity(omega=(50, 0, 0)), step=cf.FixedStep(0.1), times=[1.0]
+    )
+    assert all(accepted for *_, accepted in history.steps)
+    np.testing.assert_allclose(history.velocities("rod")[-1, :, 5], 50, rtol=1e-9)
+
+
+def test_largest_step_holds_from_the_start():
+    history = cf.solve_dynamic(arm_model(), 0.05, start="drawn", step=cf.AdaptiveStep(1e-1, first=0.01, largest=1e-3))
+    assert max(h for _, h, *_ in history.steps) <= 1e-3 * (1 + 1e-9)
+
+
+def test_massless_end_is_refused():
+    section = [(0, replace(SOFT, mass_per_length=0.0)), (0.5, SOFT)]
+    rod = cf.Rod("rod", section, [(0, 0, 0), (0.5, 0, 0)], n_elements=3)
+    with pytest.raises(cf.SceneError, match="has no mass at s = 0 m"):
+        cf.solve_dynamic(cf.Model([rod], [cf.Clamp(rod, "end")]), 1.0)
+
+
+def test_short_table_of_a_medium_is_told_before_the_run():
+    rod = cf.Rod("rod", SOFT, [(0, 0, 0), (0.5, 0, 0)], n_elements=2)
+    drag = cf.Drag(rod, normal=1.0, medium=([0, 0.1], [(0, 0, 0), (1, 0, 0)]))
+    with pytest.raises(cf.SceneError, match="drag: medium: the table runs from 0 s to 0.1 s"):
+        cf.solve_dynamic(cf.Model([rod], [cf.Clamp(rod, "start")], [drag]), 1.0)
+
+
+def test_function_without_a_value_ends_the_run_with_its_history():
+    def fading(t):
+        return (0, 0.01, 0) if t < 0.2 or t == 1.0 else (0, np.nan, 0)
+
+    model = arm_model([lambda rod: cf.PointLoad(rod, "end", force=fading)])
+    with pytest.raises(cf.ConvergenceError, match="must be finite") as caught:
+        cf.solve_dynamic(model, 1.0, start="drawn", step=cf.FixedStep(0.05))
+    assert len(caught.value.history) >= 3
+
+
+def test_extrapolated_run_cannot_be_resumed_and_states_are_checked():
+    model = arm_model()
+    saved = []
+    cf.solve_dynamic(
+        model, 0.1, start="drawn", step=cf.FixedStep(0.02), callback=lambda run: saved.append(run.checkpoint())
+    )
+    with pytest.raises(ValueError, match="cannot be resumed"):
+        cf.solve_dynamic(model, 0.1, step=cf.FixedStep(0.02, richardson=True), resume=saved[0])
+    with pytest.raises(ValueError, match="must be a State of this model"):
+        cf.solve_dynamic(model, 0.1, start=free_model().initial_state())

@@ -66,7 +66,9 @@ def scene(request, tmp_path):
 def content(folder):
     """Everything that a run finds, as it was written."""
     with_time = (folder / "history.vtkhdf").read_bytes()
-    return {name: (folder / name).read_bytes() for name in ("reactions.csv", "ledger.csv")} | {"history": with_time}
+    return {name: (folder / name).read_bytes() for name in ("reactions.csv", "ledger.csv", "steps.csv")} | {
+        "history": with_time
+    }
 
 
 def stop_after(n):

@@ -92,3 +92,11 @@ def test_smooth_table_stays_where_rows_are_equal():
     np.testing.assert_allclose([schedule.at(t) for t in inside], 1.0, atol=1e-15)
     climb = np.array([schedule.at(t) for t in np.linspace(0, 1, 51)])
     assert (np.diff(climb) >= 0).all()
+
+
+def test_fast_function_has_its_velocity():
+    """400 Hz: the differences are short enough."""
+    omega = 2 * np.pi * 400
+    slider = cf.Slider((1, 0, 0), lambda t: 1e-3 * (1 - np.cos(omega * t)))
+    rates = slider.rates(0.0123)
+    assert rates.c_rate[0] == pytest.approx(1e-3 * omega * np.sin(omega * 0.0123), abs=1e-3 * omega * 1e-3)

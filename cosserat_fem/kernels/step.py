@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import kernel
+from . import inner, kernel
 from .chain import back_substitute_segments, eliminate_segments, hold_vertices
 from .condense import assemble, back_substitute, extrapolate_stress, residual
 from .inertia import step_inertia, step_rates
@@ -19,6 +19,26 @@ from .rotation import fill_matrices, relative_rotation, rotate_bodies
 
 CONVERGED, NOT_FINITE, TOO_MANY, SINGULAR, DIVERGES = 0, 1, 2, 3, 4
 STAGNANT = 32.0
+NEARLY = 2e-3  # of the diagonal: an asymmetry that slows the iteration down by less than it costs
+
+
+@inner
+def make_symmetric(nodal, stiffness):
+    """True, and nodal (N, 6, 6) replaced by its symmetric part, if it is nearly symmetric: elimination then costs half.
+
+    stiffness: of the rods against turning one node, which stands beside nodal on the diagonal.
+    """
+    for k in range(nodal.shape[0]):
+        for i in range(6):
+            for j in range(i):
+                apart = nodal[k, i, j] - nodal[k, j, i]
+                if abs(apart) > NEARLY * (stiffness + np.sqrt(abs(nodal[k, i, i] * nodal[k, j, j]))):
+                    return False
+    for k in range(nodal.shape[0]):
+        for i in range(6):
+            for j in range(i):
+                nodal[k, i, j] = nodal[k, j, i] = 0.5 * (nodal[k, i, j] + nodal[k, j, i])
+    return True
 
 
 @kernel
@@ -30,7 +50,7 @@ def newton_step(beam, linear, held, inertia, loads, limits, iterations, moved, r
     beam: conn, number of elements, N, N_s, dx, C, C_full, reference, owner. linear: scratch of the chain. held: nodes,
     left, right, held, owner, place (M, 3), quaternion (M, 4). inertia: mass, J, r0, q0, v0, a0, b0, coefficients, driven,
     v_driven, a_driven. loads: nodes, force, moment, kinds. limits: tolerance, length, mean element, round-off of forces,
-    of moments, gap of places. scratch: g, nodal, du, D, v, a, b, what each load adds, R.
+    of moments, gap of places, stiffness against turning a node. scratch: g, nodal, du, D, v, a, b, what each load adds, R.
     Returns (status, iterations, residual evaluations, residual in units of the tolerance, node of the largest).
     """
     conn, n_elements, N, N_s, dx, C, C_full, reference, owner = beam
@@ -38,7 +58,7 @@ def newton_step(beam, linear, held, inertia, loads, limits, iterations, moved, r
     nodes, left, right, is_held, leads, place, attitude = held
     mass, J, r0, q0, v0, a0, b0, coefficients, driven, v_driven, a_driven = inertia
     load_nodes, force, moment, kinds = loads
-    tolerance, length, element, force_noise, moment_noise, closed = limits
+    tolerance, length, element, force_noise, moment_noise, closed, stiffness = limits
     g, nodal, du, D, v, a, b, each, R = scratch
     none, rows, no_joint = np.empty((0, 0, 0)), np.empty((0, 0)), np.empty((0, 6))
     no_blocks, turned = np.empty((0, 6, 6)), np.empty_like(q)
@@ -59,8 +79,9 @@ def newton_step(beam, linear, held, inertia, loads, limits, iterations, moved, r
             checks += 1
             section_force, section_moment = residual(conn, n_elements, N, N_s, dx, C, C_full, reference, r, q, g)
         else:
+            symmetric = make_symmetric(nodal, stiffness)
             section_force, section_moment, _ = assemble(
-                conn, n_elements, N, N_s, dx, C, C_full, reference, sigma, r, q, g, owner, nodal, rows, 0.0, False,
+                conn, n_elements, N, N_s, dx, C, C_full, reference, sigma, r, q, g, owner, nodal, rows, 0.0, symmetric,
                 S, rhs, factor, none,
             )  # fmt: skip
         F, M = max(section_force, inertia_force), max(section_moment, inertia_moment)
@@ -89,7 +110,7 @@ def newton_step(beam, linear, held, inertia, loads, limits, iterations, moved, r
                 g[k, i] = -g[k, i]
         if nodes.shape[0] > 0:
             hold_vertices(S, rhs, g, nodes, left, right, is_held, gap, leads)
-        if eliminate_segments(S, rhs, g, segments, False, kept, joint_S, joint_rhs) < 0:
+        if eliminate_segments(S, rhs, g, segments, symmetric, kept, joint_S, joint_rhs) < 0:
             return SINGULAR, done, checks, value, where
         back_substitute_segments(segments, kept, no_joint, du)
         if conn.shape[1] > 2:

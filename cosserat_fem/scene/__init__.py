@@ -196,14 +196,17 @@ def _time_step(source: Source, tables: SceneTables) -> list[str]:
         faults.append(source.fault(("solve", "rho_inf"), f"rho_inf must be from 0 to 1 (got {solve.rho_inf:g})."))
     if solve.rotation == "kardan":
         faults.append(source.fault(("solve", "rotation"), 'a run in time needs rotation = "quaternion".'))
-    if solve.times and solve.times[0] < 0:
-        faults.append(source.fault(("solve", "times"), f"a run in time starts at 0 s (got {solve.times[0]:g} s)."))
+    if solve.times and (solve.times[0] < 0 or solve.times[-1] <= 0):
+        got = f"{solve.times[0]:g} s to {solve.times[-1]:g} s"
+        faults.append(source.fault(("solve", "times"), f"a run in time starts at 0 s and must end later (got {got})."))
     return faults
 
 
 def _check_run(builder: Builder, model: Model, times: np.ndarray) -> None:
     """Faults that show only when parts and loads are asked for values: short tables, too few supports."""
     ends = [float(times[0]), float(times[-1])]  # a table that has both has all between
+    if builder.tables.solve.kind == "dynamic":
+        ends[0] = 0.0
     faults = builder.faults_at(model, ends)
     if not faults:
         try:

@@ -90,35 +90,53 @@ class Damping:
         return Blocks(nodes[:, None], force[:, None], K)
 
     def coefficients(self, space: Space, k: int) -> np.ndarray:
-        """D (E, Q, 6) of a group's Gauss points."""
+        """D (E, Q, 6, 6) at a group's Gauss points: the strains' on the diagonal, or time * C."""
         group = space.groups[k]
-        D = np.zeros(group.stiffness.shape[:-1])
+        D = np.zeros_like(group.stiffness)
         for rod, view in space.views.items():
             if view.group == k and self.rod in (None, rod):
-                diagonal = group.stiffness[view.elements][..., range(6), range(6)]
-                D[view.elements] = self.strains + self.time * diagonal
+                D[view.elements] = np.diag(self.strains) + self.time * group.stiffness[view.elements]
         return D
 
 
 def damped_tables(
     group: Group, D: np.ndarray, now: np.ndarray, before: np.ndarray, h: float, h_before: float
 ) -> tuple[Any, ...]:
-    """Tables of a group with damping D (E, Q, 6) over a step of length h; strains now and h_before ago (E, Q, 6).
+    """Tables of a group with damping D (E, Q, 6, 6) over a step of length h; strains now and h_before ago (E, Q, 6).
 
     Strain rate at the end = c (strain - past), c = (1 + 2 w) / ((1 + w) h), w = h / h_before.
     """
     w = h / h_before
     c = (1 + 2 * w) / ((1 + w) * h)
     past = ((1 + w) * now - w * w / (1 + w) * before) / (h * c)
-    C = group.stiffness.copy()
-    C[..., range(6), range(6)] += c * D
-    stress = np.einsum("eqij,eqj->eqi", group.stiffness, group.reference) + c * D * past
-    rest = np.linalg.solve(C, stress[..., None])[..., 0]
+    C = group.stiffness + c * D
+    stress = _times(group.stiffness, group.reference) + c * _times(D, past)
+    return _tables(group, C, np.linalg.solve(C, stress[..., None])[..., 0])
+
+
+def tables_at_rate(group: Group, D: np.ndarray, rate: np.ndarray) -> tuple[Any, ...]:
+    """Tables of a group whose strain rate (E, Q, 6) is known: the damping's stress as a change of the rest strain."""
+    stress = _times(D, rate)
+    return _tables(
+        group, group.stiffness, group.reference - np.linalg.solve(group.stiffness, stress[..., None])[..., 0]
+    )
+
+
+def _times(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    return np.einsum("eqij,eqj->eqi", matrices, vectors)
+
+
+def _tables(group: Group, C: np.ndarray, rest: np.ndarray) -> tuple[Any, ...]:
+    """`Group.tables` with another stiffness (E, Q, 6, 6) and rest strain (E, Q, 6)."""
     N_s, dx, _, C_full, _ = group.tables
     E, Q = group.dx.shape
     n_packs = len(group.packed_conn)
-    diagonal = lanes(np.ascontiguousarray(np.diagonal(C, axis1=-2, axis2=-1)))
-    return N_s, dx, diagonal.reshape(n_packs, Q, -1), C_full, lanes(rest).reshape(n_packs, Q, -1)
+    diagonal = np.ascontiguousarray(np.diagonal(C, axis1=-2, axis2=-1))
+    if C_full is not None:
+        others = C.copy()
+        others[..., range(6), range(6)] = 0.0
+        C_full = lanes(others.reshape(E, Q, 36)).reshape(n_packs, Q, -1)
+    return N_s, dx, lanes(diagonal).reshape(n_packs, Q, -1), C_full, lanes(rest).reshape(n_packs, Q, -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,12 +209,13 @@ class Drag:
 
     def __call__(self, state: State, space: Space, *, tangent: bool = True) -> Blocks:
         nodes = space[self.rod].nodes
+        medium = self._medium.at(state.t)  # a table that is too short is told also at rest
         if state.velocity is None:
             return Blocks(nodes[:0, None], np.zeros((0, 1, 6)))
         weights = space.remember(self, lambda: space.share(self.rod))
         R = matrix_from_quaternion(state.q[nodes])
         t, spin = R[:, :, 2], state.velocity[nodes, 3:]
-        v = state.velocity[nodes, :3] - self._medium.at(state.t)
+        v = state.velocity[nodes, :3] - medium
         along = (v * t).sum(-1, keepdims=True)
         across = v - along * t
         speed = np.linalg.norm(across, axis=-1, keepdims=True)
