@@ -32,8 +32,8 @@ _HOMES = {
     "solve_static": "statics",
     "solve_quasistatic": "statics",
     "solve_dynamic": "dynamics",
-    "AdaptiveStep": "dynamics",
-    "FixedStep": "dynamics",
+    "AdaptiveStep": "integrator",
+    "FixedStep": "integrator",
     "RigidVelocity": "dynamics",
     "bend_radius": "checks",
     "distance_from_drawing": "checks",
@@ -57,10 +57,11 @@ __all__ = sorted(_HOMES)
 if TYPE_CHECKING:
     from .checks import bend_radius, distance_from_drawing
     from .curve import CurveGeometry, curve_geometry, rebuild_curve
-    from .dynamics import AdaptiveStep, FixedStep, RigidVelocity, solve_dynamic
+    from .dynamics import RigidVelocity, solve_dynamic
     from .errors import ConvergenceError, CosseratError, KardanError, MeshError, SceneError
     from .export import to_meshio, to_pyvista
     from .history import History
+    from .integrator import AdaptiveStep, FixedStep
     from .mechanism import GROUND, Hinge, Part, Path, Slider
     from .model import Model
     from .rod import Rod

@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from .dynamics import Checkpoint
 from .errors import SceneError
 from .export import replace_file
 from .history import Record
+from .integrator import Checkpoint
 from .space import State
 from .terms.inertial import Rates
 

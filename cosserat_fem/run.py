@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from .checks import bend_radius, distance_from_drawing, worst
-from .dynamics import AdaptiveStep, Checkpoint, FixedStep, RigidVelocity, Run, solve_dynamic
+from .dynamics import RigidVelocity, solve_dynamic
 from .errors import ConvergenceError, CosseratError, SceneError, one_line, out_of_memory
 from .export import (
     hinged_parts,
@@ -40,6 +40,7 @@ from .export import (
 from .folder import PROGRAM, RESULTS, RunFolder
 from .frames import CHECKPOINT, FRAMES, FrameFile, read_checkpoint, read_frames, write_checkpoint
 from .history import History, Record
+from .integrator import AdaptiveStep, Checkpoint, FixedStep, Run
 from .kernels import CompileClock
 from .mechanism import Hinge
 from .scene import Scene, load_scene
