@@ -88,10 +88,9 @@ def extrapolated(dt):
 ROWS = [
     (spaghetti, (4, 3), extrapolated(0.1), 1e-3, 0.2),
     (spaghetti, (4, 3), extrapolated(0.05), 1e-4, 0.4),
-    (spaghetti, (6, 4), extrapolated(1 / 70), 1e-5, 0.6),
+    (spaghetti, (8, 3), extrapolated(1 / 65), 1e-5, 0.6),
     (spaghetti, (6, 3), cf.AdaptiveStep(1e-2), None, None),
-    (pendulum, (6, 3), cf.FixedStep(0.005), None, None),
-    (pendulum, (6, 3), extrapolated(0.01), 1e-3, 0.1),
+    (pendulum, (6, 3), cf.FixedStep(0.0045), 1e-3, 0.1),
     (pendulum, (8, 3), extrapolated(0.004), 1e-4, 0.3),
     (pendulum, (12, 3), cf.AdaptiveStep(1e-2), None, None),
     (follow, (6, 3), None, 1e-3, 0.1),
