@@ -249,3 +249,26 @@ def test_interrupt_leaves_a_resumable_run(tmp_path):
         assert "goes on" in errors
         assert main(["resume", str(out), "--no-pictures", "-q"]) == 0
     assert content(out) == whole
+
+
+def test_tiny_full_file_system(tmp_path):
+    """A real file system of 120 kB: one line, exit 1; with more room the run goes on to the same end."""
+    file, whole = slow_scene(tmp_path)
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=120k", "tmpfs", str(disk)]
+    if os.name != "posix" or os.geteuid() != 0 or subprocess.run(mount, capture_output=True).returncode != 0:
+        pytest.skip("cannot mount a file system here")
+    try:
+        process = start("run", file, "-o", disk / "out", "--no-pictures")
+        _, errors = process.communicate(timeout=120)
+        assert process.returncode == 1, errors
+        assert "Traceback" not in errors
+        assert "No space left on device" in errors
+        read_checkpoint(disk / "out" / CHECKPOINT)
+        read_frames(disk / "out" / FRAMES)
+        subprocess.run(["mount", "-o", "remount,size=20m", str(disk)], check=True)
+        assert main(["resume", str(disk / "out"), "--no-pictures", "-q"]) == 0
+        assert content(disk / "out") == whole
+    finally:
+        subprocess.run(["umount", str(disk)], check=False)
