@@ -361,7 +361,8 @@ class Run:
             return error
         mass = np.concatenate([np.repeat(model.space.node_mass[:, None], 3, 1), model.space.node_inertia], axis=1)
         # what the step's own matrix makes of the change, as of a load
-        change = self.newton.response(solved.state, inertia.grows * mass * (inertia.b - inertia.rates.b), step=inertia)
+        load = inertia.grows * mass * (inertia.b - inertia.rates.b)
+        change = self.newton.response(solved.state, load, step=inertia.again())
         return min(error, scale * largest_change(np.zeros_like(change), change, self._driven_nodes, length))
 
     def _try(self, h: float, t1: float) -> tuple[Solved, InertiaStep]:

@@ -123,7 +123,7 @@ class Hinge:
 
     @property
     def drawn_at(self) -> float:
-        return 0.0 if self.schedule.times is None else float(self.schedule.times[0])
+        return self.schedule.begin
 
     @property
     def kinks(self) -> np.ndarray:
@@ -164,7 +164,7 @@ class Slider:
 
     @property
     def drawn_at(self) -> float:
-        return 0.0 if self.schedule.times is None else float(self.schedule.times[0])
+        return self.schedule.begin
 
     @property
     def kinks(self) -> np.ndarray:

@@ -138,6 +138,11 @@ class Schedule:
         return first, (-f[0] + 16 * f[1] - 30 * f[2] + 16 * f[3] - f[4]) / (12 * h * h)
 
     @property
+    def begin(self) -> float:
+        """Time [s] of a table's first row, else 0."""
+        return self._rows[0] if self._rows else 0.0
+
+    @property
     def jumps(self) -> np.ndarray:
         """Times (K,) [s] at which the value jumps."""
         return np.empty(0) if self.times is None else self.times[1:][np.diff(self.times) == 0]

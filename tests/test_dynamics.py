@@ -170,6 +170,16 @@ def test_free_flight_keeps_momentum(capsys):
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
 
 
+def test_error_estimate_leaves_the_step_alone():
+    """Adaptive steps keep momentum as fixed ones do: the estimate is made beside the step."""
+    model = free_model()
+    history = cf.solve_dynamic(
+        model, 0.2, start="drawn", velocity=tumbling(model), step=cf.AdaptiveStep(1e-2), times=[0, 0.2]
+    )
+    linear, _ = history.momentum
+    assert np.abs(linear[1] - linear[0]).max() < 1e-13 * np.linalg.norm(linear[0])
+
+
 def test_free_flight_energy():
     """Bounded without damping; with damping it never rises and its mean over windows falls."""
     model = free_model()

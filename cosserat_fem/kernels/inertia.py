@@ -18,7 +18,7 @@ from math import sqrt, tan
 import numpy as np
 
 from . import inner, kernel
-from .rotation import log_quaternion
+from .rotation import relative_vector
 
 
 @inner
@@ -42,14 +42,7 @@ def increment(moved, q0, q, D):
     for k in range(q.shape[0]):
         for i in range(3):
             D[k, i] = moved[k, i]
-        a0, a1, a2, a3 = q0[k, 0], q0[k, 1], q0[k, 2], q0[k, 3]
-        b0, b1, b2, b3 = q[k, 0], q[k, 1], q[k, 2], q[k, 3]
-        D[k, 3], D[k, 4], D[k, 5] = log_quaternion(
-            a0 * b0 + a1 * b1 + a2 * b2 + a3 * b3,
-            a0 * b1 - a1 * b0 - (a2 * b3 - a3 * b2),
-            a0 * b2 - a2 * b0 - (a3 * b1 - a1 * b3),
-            a0 * b3 - a3 * b0 - (a1 * b2 - a2 * b1),
-        )
+        D[k, 3], D[k, 4], D[k, 5] = relative_vector(q0[k], q[k])
 
 
 @kernel

@@ -65,42 +65,36 @@ def one_load(R, H, force, moment, force_follows, moment_follows, drop_tangential
 
 
 @kernel
-def nodal_load(R, H, weights, force, moment, force_follows, moment_follows, drop_tangential, in_angles, g, K):
-    """Write the residual g (n, 6) and, if K (n, 6, 6) is not empty, its derivative, for weights (n,) times one load.
+def each_load(R, H, force, moment, kinds, in_angles, g, K):
+    """Write the residual g (L, 6) and, if K (L, 6, 6) is not empty, its derivative, of loads at nodes with R, H (L, 3, 3).
 
-    R, H (n, 3, 3); force, moment (3,). drop_tangential: only the part of the force normal to d3 counts.
+    force, moment (L, 3); kinds (L, 3): force follows, moment follows, tangential part of the force dropped.
     """
     work, none = np.empty((3, 3)), np.empty((6, 6))
     tangent = K.shape[0] > 0
-    for k in range(weights.shape[0]):
-        block = K[k] if tangent else none
+    for m in range(force.shape[0]):
+        block = K[m] if tangent else none
         one_load(
-            R[k],
-            H[k],
-            force,
-            moment,
-            force_follows,
-            moment_follows,
-            drop_tangential,
+            R[m],
+            H[m],
+            force[m],
+            moment[m],
+            kinds[m, 0],
+            kinds[m, 1],
+            kinds[m, 2],
             in_angles,
             tangent,
             work,
-            g[k],
+            g[m],
             block,
         )
-        for i in range(6):
-            g[k, i] *= weights[k]
-            if tangent:
-                for j in range(6):
-                    block[i, j] *= weights[k]
 
 
 @kernel
 def add_loads(nodes, R, force, moment, kinds, each, g, nodal):
     """Add loads at nodes (L,), force and moment (L, 3), to g (N, 6) and, if it is not empty, nodal (N, 6, 6).
 
-    For body rotation vectors. R (N, 3, 3); kinds (L, 3): force follows, moment follows, tangential part dropped.
-    each (L, 6): written, what each load adds to g.
+    As `each_load`, for body rotation vectors. R (N, 3, 3); each (L, 6): written, what each load adds to g.
     """
     work, K = np.empty((3, 3)), np.empty((6, 6))
     tangent = nodal.shape[0] > 0

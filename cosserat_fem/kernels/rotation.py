@@ -40,19 +40,25 @@ def log_quaternion(w, x, y, z):
     return f * x, f * y, f * z
 
 
+@inner
+def relative_vector(a, b):
+    """Body rotation vector that takes the quaternion a (4,) to b (4,): log(a^-1 b)."""
+    a0, a1, a2, a3 = a[0], a[1], a[2], a[3]
+    b0, b1, b2, b3 = b[0], b[1], b[2], b[3]
+    return log_quaternion(
+        a0 * b0 + a1 * b1 + a2 * b2 + a3 * b3,
+        a0 * b1 - a1 * b0 - (a2 * b3 - a3 * b2),
+        a0 * b2 - a2 * b0 - (a3 * b1 - a1 * b3),
+        a0 * b3 - a3 * b0 - (a1 * b2 - a2 * b1),
+    )
+
+
 @kernel
 def relative_rotation(q, target):
     """Body rotation vectors that take q to target, both (N, 4): log(q^-1 target).  Returns (N, 3) [rad]."""
     out = np.empty((q.shape[0], 3))
     for i in range(q.shape[0]):
-        a0, a1, a2, a3 = q[i, 0], q[i, 1], q[i, 2], q[i, 3]
-        b0, b1, b2, b3 = target[i, 0], target[i, 1], target[i, 2], target[i, 3]
-        out[i, 0], out[i, 1], out[i, 2] = log_quaternion(
-            a0 * b0 + a1 * b1 + a2 * b2 + a3 * b3,
-            a0 * b1 - a1 * b0 - (a2 * b3 - a3 * b2),
-            a0 * b2 - a2 * b0 - (a3 * b1 - a1 * b3),
-            a0 * b3 - a3 * b0 - (a1 * b2 - a2 * b1),
-        )
+        out[i, 0], out[i, 1], out[i, 2] = relative_vector(q[i], target[i])
     return out
 
 

@@ -236,16 +236,10 @@ class ClampTable(Table):
     name: str | None = None
 
 
-class PinTable(Table):
-    """Place of a section held."""
+class PinTable(ClampTable):
+    """Place of a section held; keys as for a clamp."""
 
-    kind: Literal["pin"]
-    rod: Name
-    at: Place
-    to: str = "ground"
-    free: list[str] = []
-    frame: list[list[quantity("number")]] | None = None
-    name: str | None = None
+    kind: Literal["pin"]  # type: ignore[assignment]
 
 
 class WeldTable(Table):

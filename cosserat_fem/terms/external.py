@@ -22,7 +22,7 @@ from ..schedule import Schedule
 from ..space import Blocks, Space, State
 from ..support import Place
 
-NO_BLOCKS, ONE = np.empty((0, 6, 6)), np.ones(1)
+NO_BLOCKS = np.empty((0, 6, 6))
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ class Gravity:
         object.__setattr__(self, "acceleration", check_shape("gravity: acceleration", self.acceleration, (3,)))
 
     def __call__(self, state: State, space: Space, *, tangent: bool = True) -> Blocks:
-        return space.remember(self, lambda: self._blocks(space))
+        return space.remember((self, "blocks"), lambda: blocks_of(self._loads(space), state, space, tangent=False))
 
     def table(self, t: float, space: Space) -> NodalLoads:
         """The weight as loads at nodes."""
@@ -79,11 +79,6 @@ class Gravity:
         n = space.n_nodes
         force = space.node_mass[:, None] * self.acceleration
         return NodalLoads(np.arange(n), force, np.zeros((n, 3)), np.zeros((n, 3), dtype=bool))
-
-    def _blocks(self, space: Space) -> Blocks:
-        force = np.zeros((space.n_nodes, 1, 6))
-        force[:, 0, :3] = -space.node_mass[:, None] * self.acceleration
-        return Blocks(np.arange(space.n_nodes)[:, None], force)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,21 +170,17 @@ class LineLoad:
         force, moment = self._force.at(t), self._moment.at(t)
         if self.follower and self.components == "normal":
             force = force * np.array([1.0, 1.0, 0.0])
-        weights = space.remember(self, lambda: self.weights(space))[:, None]
-        return NodalLoads(space[self.rod].nodes, weights * force, weights * moment, self._kinds(len(weights)))
+        weights, kinds = space.remember((self, "loads"), lambda: self._constants(space))
+        return NodalLoads(space[self.rod].nodes, weights * force, weights * moment, kinds)
 
-    def _kinds(self, n: int) -> np.ndarray:
+    def _constants(self, space: Space) -> tuple[np.ndarray, np.ndarray]:
+        """Weights (n, 1) and kinds (n, 3) of the table."""
+        weights = self.weights(space)[:, None]
         drop = self.components == "normal" and not self.follower
-        return np.tile([self.follower, self.follower, drop], (n, 1))
+        return weights, np.tile([self.follower, self.follower, drop], (len(weights), 1))
 
     def __call__(self, state: State, space: Space, *, tangent: bool = True) -> Blocks:
-        force, moment = self._force.at(state.t), self._moment.at(state.t)
-        if self.follower and self.components == "normal":
-            force = force * np.array([1.0, 1.0, 0.0])
-        drop = self.components == "normal" and not self.follower
-        nodes = space[self.rod].nodes
-        weights = space.remember(self, lambda: self.weights(space))
-        return nodal_load(state, space, nodes, weights, force, moment, (self.follower, self.follower), drop, tangent)
+        return blocks_of(self.table(state.t, space), state, space, tangent=tangent)
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,34 +243,18 @@ class PointLoad:
         return NodalLoads(node, self._force.at(t)[None], self._moment.at(t)[None], kinds)
 
     def __call__(self, state: State, space: Space, *, tangent: bool = True) -> Blocks:
-        node = space.remember(self, lambda: np.array([space.node(*self.marks[0])]))
-        force, moment = self._force.at(state.t), self._moment.at(state.t)
-        return nodal_load(state, space, node, ONE, force, moment, (self.follower, self.follower), False, tangent)
+        return blocks_of(self.table(state.t, space), state, space, tangent=tangent)
 
 
-def nodal_load(
-    state: State,
-    space: Space,
-    nodes: np.ndarray,
-    weights: np.ndarray,
-    force: np.ndarray,
-    moment: np.ndarray,
-    follows: tuple[bool, bool],
-    drop_tangential: bool,
-    tangent: bool,
-) -> Blocks:
-    """Blocks of weights (n,) times one force and moment at nodes (n,); `follows` says which turn with the section."""
-    any_force, any_moment = bool(force.any()), bool(moment.any())
-    n = len(nodes)
+def blocks_of(table: NodalLoads, state: State, space: Space, *, tangent: bool) -> Blocks:
+    """Residual and tangent of a table of loads."""
+    nodes, n = table.nodes, len(table.nodes)
     g = np.zeros((n, 1, 6))
-    varies = any_moment or (any_force and (follows[0] or drop_tangential))
-    if not varies:
-        g[:, 0, :3] = -weights[:, None] * force
+    if not table.moment.any() and not (table.kinds.any() and table.force.any()):  # dead forces: no tangent
+        g[:, 0, :3] = -table.force
         return Blocks(nodes[:, None], g)
     R = matrix_from_quaternion(state.q[nodes])
     H = R if state.angles is None else space.spin_axes(state, nodes)
     K = np.empty((n, 6, 6)) if tangent else NO_BLOCKS
-    loads.nodal_load(
-        R, H, weights, force, moment, follows[0], follows[1], drop_tangential, state.angles is not None, g[:, 0], K
-    )
+    loads.each_load(R, H, table.force, table.moment, table.kinds, state.angles is not None, g[:, 0], K)
     return Blocks(nodes[:, None], g, K if tangent else None)

@@ -62,6 +62,12 @@ class InertiaStep:
         self.heaviest = (self.grows * space.heaviest[0], self.grows * space.heaviest[1])
         self.D, self.v, self.a, self.b = np.empty((4, space.n_nodes, 6))
 
+    def again(self) -> InertiaStep:
+        """The same step with arrays of its own, to be evaluated without changing what this one found."""
+        return InertiaStep(
+            self.space, self.start, self.rates, self.coefficients, self.driven, wanted=self.wanted, tables=self.tables
+        )
+
     def with_velocity(self, state: State) -> State:
         """The state with the velocity that the step gives it."""
         step_rates(

@@ -45,7 +45,8 @@ def chapter(title):
 
 
 def test_every_table_has_a_chapter():
-    assert set(CHAPTERS.values()) == set(tables.Table.__subclasses__())
+    every = {t for t in vars(tables).values() if isinstance(t, type) and issubclass(t, tables.Table)}
+    assert set(CHAPTERS.values()) == every - {tables.Table}
 
 
 @pytest.mark.parametrize("title", CHAPTERS)
