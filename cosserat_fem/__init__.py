@@ -17,6 +17,13 @@ _HOMES = {
     "Hinge": "mechanism",
     "Slider": "mechanism",
     "Path": "mechanism",
+    "Plane": "shapes",
+    "Sphere": "shapes",
+    "Cylinder": "shapes",
+    "Capsule": "shapes",
+    "Box": "shapes",
+    "Torus": "shapes",
+    "Surface": "surface",
     "Clamp": "support",
     "Pin": "support",
     "Weld": "support",
@@ -26,6 +33,8 @@ _HOMES = {
     "Damping": "terms",
     "Drag": "terms",
     "Electrostatic": "terms",
+    "PartContact": "terms",
+    "RodContact": "terms",
     "Model": "model",
     "State": "space",
     "History": "history",
@@ -36,6 +45,7 @@ _HOMES = {
     "FixedStep": "integrator",
     "RigidVelocity": "dynamics",
     "bend_radius": "checks",
+    "clearance": "checks",
     "distance_from_drawing": "checks",
     "to_pyvista": "export",
     "to_meshio": "export",
@@ -55,7 +65,7 @@ _HOMES = {
 __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
-    from .checks import bend_radius, distance_from_drawing
+    from .checks import bend_radius, clearance, distance_from_drawing
     from .curve import CurveGeometry, curve_geometry, rebuild_curve
     from .dynamics import RigidVelocity, solve_dynamic
     from .errors import ConvergenceError, CosseratError, KardanError, MeshError, SceneError
@@ -68,10 +78,12 @@ if TYPE_CHECKING:
     from .run import run_scene
     from .scene import Scene, load_scene
     from .section import Section
+    from .shapes import Box, Capsule, Cylinder, Plane, Sphere, Torus
     from .space import State
     from .statics import solve_quasistatic, solve_static
     from .support import Clamp, Pin, Weld
-    from .terms import Damping, Drag, Electrostatic, Gravity, LineLoad, PointLoad
+    from .surface import Surface
+    from .terms import Damping, Drag, Electrostatic, Gravity, LineLoad, PartContact, PointLoad, RodContact
 
 
 def __getattr__(name: str) -> Any:

@@ -28,6 +28,7 @@ import numpy as np
 from .errors import ConvergenceError, SceneError, check_positive
 from .history import History, Record
 from .kernels.inertia import largest_change
+from .kernels.rotation import quaternion_from_matrix, relative_rotation
 from .model import Model
 from .newton import CompiledStep, Newton, Solved
 from .space import State
@@ -41,6 +42,7 @@ GROWTH = 4.0  # a step longer than this many of the last one starts with b = a
 PLAIN_ESTIMATE = 0.3  # in parts of the allowed error: below it the estimate is good enough as it is
 LARGEST_TURN = 2.0  # rad in a step; the rotation vector of a step is unique below pi
 LONGER, SAFETY = 1.5, 0.8  # growth of a step; aim at this part of the step that would just be allowed
+GAINED, LOST = 1e-5, 2e-3  # parts of the largest energy that a step with contact may add or take by itself
 SHORT = 1e-3  # part of a step over which a strain rate is measured
 BEFORE = 1e-13  # of the duration: how long before a jump of a load the step that ends there is evaluated
 
@@ -85,6 +87,19 @@ class FixedStep:
 
     def __post_init__(self) -> None:
         check_positive("fixed step: dt", self.dt)
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A converged step that may be taken: outcome with contact renewed, rates, works [J] in it, forces of terms, strains of
+    damped rods, energies in contact terms."""
+
+    solved: Solved
+    rates: Rates
+    work: dict[str, float]
+    forces: list[np.ndarray]
+    strain: tuple[np.ndarray, ...]
+    stored: list[float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +156,10 @@ class Run:
         self.strain_before: tuple[np.ndarray, ...] = ()
         self.strain_step = 0.0
         self._driven_nodes, self._driven_rows, self._given = _driven_nodes(model)
+        self._others = [term for term in model.terms if term not in model.contacts]
+        names = dict(zip(model.terms, _names(model.terms), strict=True))
+        self._names = [names[term] for term in self._others]
+        self._contact_names = [names[term] for term in model.contacts]
         self._velocity_terms = any(getattr(term, "needs_velocity", False) for term in model.terms)
         self._compiled = CompiledStep(self.newton, TOLERANCE) if CompiledStep.takes(model) else None
         self._dampers = [term for term in model.terms if getattr(term, "internal", False)]
@@ -176,10 +195,16 @@ class Run:
         told: a velocity of held places that is not their part's needs no warning.
         """
         self._check_place(state)
+        approach = self.newton.approach
+        if approach is not None and not approach.knows(state):
+            state = approach.begin(state)
         self.state = replace(state, stress=self.model.internal.with_stress(state, self.model.space))
+        self.pressed = () if approach is None else approach.accept(self.state)[1]
+        self.stored = self._stored(self.state)
+        self.energy = self.largest_energy = self._energy(self.state, velocity) if approach is not None else 0.0
         self.rates = Rates(velocity, np.zeros_like(velocity), np.zeros_like(velocity))
         self.h = self.wanted_h = self._first_step()
-        self.work = dict.fromkeys((*_names(self.model.terms), "driven ends"), 0.0)
+        self.work = dict.fromkeys((*self._names, *self._contact_names, "driven ends"), 0.0)
         if self._dampers:
             self.work["internal damping"] = 0.0
         self._settle(told=told)
@@ -244,7 +269,7 @@ class Run:
                 )
             ]
         state = replace(self.state, velocity=v) if self._velocity_terms else self.state
-        g, _ = model.external(state, tangent=False)
+        g = model.external(state, tangent=False).g
         model.internal.residual(state, model.space, g, tables)
         _accelerate(model, state, g, v, a, driven)
         self.rates = Rates(v, a, a.copy())
@@ -315,6 +340,8 @@ class Run:
         fastest = float(np.abs(self.rates.v[:, 3:]).max())
         wanted = min(self.wanted_h, LARGEST_TURN / max(fastest, 1e-300))
         near = SMALLEST * (self.end - self.begin_time)
+        if self.newton.approach is not None and not any(self.stored):
+            self.state = self.newton.approach.harden(self.state, self._impact())
         while True:
             k = int(np.searchsorted(self._stops, self.state.t + near))
             stop = float(self._stops[k])
@@ -329,15 +356,21 @@ class Run:
             if solved.converged and isinstance(self.step, AdaptiveStep):
                 error = self._error(solved, inertia, h)
             accepted = solved.converged and error <= 1.0
+            if accepted:
+                made = self._make(solved, inertia, h, t1)
+                accepted = not self.model.contacts or not self._bounced(made)
             self.steps.append((t1, h, error, accepted))
             if accepted:
                 break
-            if isinstance(self.step, FixedStep) and not solved.converged and h < self.step.dt / 64:
+            shortest = (
+                self.step.dt / (64 if not self.model.contacts else 1e7) if isinstance(self.step, FixedStep) else 0.0
+            )
+            if not solved.converged and h < shortest:
                 raise self._failure(solved, h)
-            wanted = h * (0.25 if not solved.converged else max(0.2, SAFETY * error**-0.5))
+            wanted = h * (0.25 if not solved.converged or error <= 1.0 else max(0.2, SAFETY * error**-0.5))
             if wanted < SMALLEST * (self.end - self.begin_time):
                 raise self._failure(solved, h)
-        self._accept(solved, inertia, h, t1)
+        self._accept(made, h)
         if isinstance(self.step, AdaptiveStep):
             grown = LONGER if error == 0.0 else min(LONGER, SAFETY * error**-0.5)
             # a step cut short by a stop says little against the length that was wanted
@@ -345,7 +378,7 @@ class Run:
             if self.step.largest is not None:
                 self.wanted_h = min(self.wanted_h, self.step.largest)
         else:
-            self.wanted_h = self.step.dt
+            self.wanted_h = min(self.step.dt, LONGER * h) if self.model.contacts else self.step.dt
         if settles:
             self.state = self.state.at_time(t1)
             self._settle(told=False)
@@ -394,42 +427,109 @@ class Run:
         """The step from the prediction D (N, 6)."""
         model = self.model
         stress = model.internal.extrapolate(self.state, model.space, D, 1.0, inertia.tables)
+        if self.newton.approach is not None:
+            start = self.state.at_time(t1)
+            guess, part = self.newton.approach.move(start, D, 1.0, stiffen=False)
+            memory = tuple(a + part * (b - a) for a, b in zip(start.stress, stress, strict=True))
+            return self.newton.in_time(replace(guess, stress=memory), inertia, TOLERANCE)
         guess = model.space.update(self.state, D, 1.0, stress).at_time(t1)
         if self._compiled is not None:
             return self._compiled.solve(guess, D[:, :3].copy(), inertia, driven)
         return self.newton.in_time(guess, inertia, TOLERANCE)
 
-    def _accept(self, solved: Solved, inertia: InertiaStep, h: float, t1: float) -> None:
-        """Take the step: works, then the new state."""
+    def _make(self, solved: Solved, inertia: InertiaStep, h: float, t1: float) -> Made:
+        """What a converged step does, before it is taken: works, forces and memories."""
         loads = None if self._compiled is None else self._compiled.each
+        solved = self.newton.accepted(solved, in_time=True)
+        work = dict.fromkeys(self.work, 0.0)
+        stored = self._add_contact_work(work, solved, t1)
         state = solved.state if loads is not None else inertia.with_velocity(solved.state)
         forces = self._forces(state, loads)
-        g = solved.total.g
-        for name, nodes, before, after in zip(self.work, self._nodes, self.forces, forces, strict=False):
-            self.work[name] -= 0.5 * float(np.vdot(before + after, inertia.D[nodes]))
+        for name, nodes, before, after in zip(self._names, self._nodes, self.forces, forces, strict=True):
+            work[name] -= 0.5 * float(np.vdot(before + after, inertia.D[nodes]))
         # what is left of the residual acts at supports only; welds do no work
-        self.work["driven ends"] += 0.5 * float(np.vdot(self.g + g, inertia.D))
+        work["driven ends"] += 0.5 * float(np.vdot(self.g + solved.total.g, inertia.D))
+        strain: tuple[np.ndarray, ...] = ()
         if self._dampers:
             strain = self._strains(solved.state)
             for k, group in enumerate(self.model.space.groups):
                 change = strain[k] - self.strain[k]
                 taken = np.einsum("eq,eqi,eqij,eqj->", group.dx, change, self._damping[k], change)
-                self.work["internal damping"] -= float(taken) / h
-            self.strain_before, self.strain, self.strain_step = self.strain, strain, h
-        self.state, self.g, self.forces = solved.state, g, forces
-        self.rates = Rates(inertia.v, inertia.a, inertia.b)
+                work["internal damping"] -= float(taken) / h
+        return Made(solved, Rates(inertia.v, inertia.a, inertia.b), work, forces, strain, stored)
+
+    def _accept(self, made: Made, h: float) -> None:
+        """Take the step."""
+        for name, done in made.work.items():
+            self.work[name] += done
+        if self._dampers:
+            self.strain_before, self.strain, self.strain_step = self.strain, made.strain, h
+        self.state, self.g, self.forces = made.solved.state, made.solved.total.g, made.forces
+        self.rates, self.stored, self.pressed = made.rates, made.stored, made.solved.pressed
         self.h = h
+
+    def _energy(self, state: State, v: np.ndarray) -> float:
+        """Kinetic and strain energy [J]."""
+        space, total = self.model.space, 0.0
+        for group, strain in zip(space.groups, self._strains(state), strict=True):
+            strain = strain - group.reference
+            total += 0.5 * float(
+                np.einsum("eqi,eqij,eqj,eq->", strain, group.stiffness, strain, group.dx, optimize=True)
+            )
+        return total + 0.5 * float(
+            (v[:, :3] ** 2).sum(1) @ space.node_mass + (v[:, 3:] ** 2 * space.node_inertia).sum()
+        )
+
+    def _impact(self) -> float:
+        """Energy [J] with which rods might hit something, parts included."""
+        speed = np.linalg.norm(self.rates.v[:, :3], axis=1)
+        for part in {
+            term.part for term in self.model.contacts if hasattr(term, "part") and term.part.motion is not None
+        }:
+            rates, (_, c) = part.rates(self.state.t), part.pose(self.state.t)
+            speed = speed + np.linalg.norm(np.cross(rates.omega, self.state.r - c) + rates.c_rate, axis=1)
+        return 0.5 * float(speed**2 @ self.model.space.node_mass)
+
+    def _bounced(self, made: Made) -> bool:
+        """True if a step with contact adds energy, or takes more than it should: the barrier was not resolved in time."""
+        energy = self._energy(made.solved.state, made.rates.v)
+        self.largest_energy = max(self.largest_energy, energy)
+        if not (any(self.stored) or any(made.stored)):
+            self.energy = energy
+            return False
+        added = energy - self.energy - sum(made.work.values())
+        if added > GAINED * self.largest_energy or added < -LOST * self.largest_energy:
+            return True
+        self.energy = energy
+        return False
+
+    def _stored(self, state: State) -> list[float]:
+        """Energy [J] in each contact term."""
+        return [term.potential(state, self.model.space) for term in self.model.contacts]
+
+    def _add_contact_work(self, work: dict[str, float], solved: Solved, t1: float) -> list[float]:
+        """Work on the rods by contact: what its potential and friction gave, less what moving parts took."""
+        stored = self._stored(solved.state)
+        before = zip(self._contact_names, self.model.contacts, self.stored, self.pressed, strict=True)
+        for (name, term, was, last), now, told in zip(before, stored, solved.pressed, strict=True):
+            work[name] += was - now + told.rubbed
+            if hasattr(term, "part") and term.part.motion is not None:
+                (R, c), (R1, c1) = term.part.pose(self.state.t), term.part.pose(t1)
+                spin = R @ relative_rotation(quaternion_from_matrix(R)[None], quaternion_from_matrix(R1)[None])[0]
+                moved = np.concatenate([c1 - R1 @ R.T @ c, spin])  # of the part's point at the origin of space
+                work[name] -= 0.5 * float((last.load + told.load) @ moved)
+        return stored
 
     def _forces(self, state: State, loads: np.ndarray | None = None) -> list[np.ndarray]:
         """What each term adds to the residual at its nodes (n, 6); loads (L, 6): the same, known already."""
         if loads is not None:
             return [part.copy() for part in np.split(loads, self._cuts)]
-        return [term(state, self.model.space, tangent=False).force[:, 0] for term in self.model.terms]
+        return [term(state, self.model.space, tangent=False).force[:, 0] for term in self._others]
 
     def _tabulate_forces(self) -> list[np.ndarray]:
         """Forces of each term at the present state; remembers their nodes."""
         state = replace(self.state, velocity=self.rates.v) if self._velocity_terms else self.state
-        blocks = [term(state, self.model.space, tangent=False) for term in self.model.terms]
+        blocks = [term(state, self.model.space, tangent=False) for term in self._others]
         self._nodes = [b.nodes[:, 0] for b in blocks]
         self._cuts = np.cumsum([len(nodes) for nodes in self._nodes])[:-1]
         return [b.force[:, 0] for b in blocks]
@@ -441,7 +541,7 @@ class Run:
     def _keep(self, iterations: int, residual: float) -> None:
         reactions = self.reactions_now()
         self.history.records.append(
-            Record(self.state, reactions, iterations, residual, -1, self.rates, dict(self.work))
+            Record(self.state, reactions, iterations, residual, -1, self.rates, dict(self.work), self.pressed)
         )
         self.kept += 1
 
@@ -477,6 +577,8 @@ class Run:
         self.g, self.kept = saved.residual, saved.kept
         self.strain, self.strain_before, self.strain_step = saved.strain, saved.strain_before, saved.strain_step
         self._tabulate_forces()
+        if self.newton.approach is not None:
+            self.pressed, self.stored = self.newton.approach.accept(self.state)[1], self._stored(self.state)
         self.steps[:] = saved.log
 
 

@@ -93,12 +93,16 @@ class LinearSolver:
         self._joint_nodes = np.concatenate(self.constraints.joints)
         self._joint_index = np.concatenate([np.full(len(n), j) for j, n in enumerate(self.constraints.joints)])
 
-    def solve(self, state: State, g: np.ndarray, held: Held, negative: int, symmetric: bool) -> Solution:
+    def solve(
+        self, state: State, g: np.ndarray, held: Held, negative: int, symmetric: bool, matrix: csc_matrix | None = None
+    ) -> Solution:
         """Solve K du = -g with the condensed matrices that stand in `scratch`; `negative`: pivots counted so far.
 
-        The scratch is used up. du of held unknowns is their gap.
+        The scratch is used up. du of held unknowns is their gap. matrix (6 N, 6 N): if given, it is solved instead.
         """
         c = self.constraints
+        if matrix is not None:
+            return self._solve_whole(matrix, g, held, symmetric)
         vertex_rhs = -g
         if c.transforms:
             chain.transform_vertices(self.S, self.rhs, vertex_rhs, c.nodes, c.left, c.right, held.T)
@@ -125,6 +129,35 @@ class LinearSolver:
             if group.order > 1:
                 condense.back_substitute(group.packed_conn, group.n_elements, scratch.factor, du)
         return Solution(du, negative if symmetric else -1, largest_increment(du)[2], method)
+
+    def _solve_whole(self, matrix: csc_matrix, g: np.ndarray, held: Held, symmetric: bool) -> Solution:
+        """Solve with the whole tangent: rods that touch are no chains."""
+        c, n = self.constraints, 6 * self.space.n_nodes
+        following = np.zeros(self.space.n_nodes, dtype=bool)
+        following[c.nodes[c.n_supports :]] = True
+        lead = np.arange(self.space.n_nodes)
+        lead[c.nodes[c.n_supports :]] = c.lead
+        T = np.tile(np.eye(6), (self.space.n_nodes, 1, 1))
+        if c.transforms:
+            T[c.nodes] = held.T
+        rows = np.arange(n).reshape(-1, 6, 1) + np.zeros((1, 1, 6), dtype=np.int64)
+        columns = 6 * lead[:, None, None] + np.arange(6)[None, None, :] + np.zeros((1, 6, 1), dtype=np.int64)
+        B = coo_matrix((T.ravel(), (rows.ravel(), columns.ravel())), shape=(n, n)).tocsc()
+        K = (B.T @ matrix @ B).tolil() if len(held.at) else B.T @ matrix @ B
+        for at, couple in zip(held.at, held.couples, strict=True):
+            rows_at = slice(6 * c.nodes[at], 6 * c.nodes[at] + 6)
+            K[rows_at, rows_at] += couple
+        y, fixed = np.zeros((self.space.n_nodes, 6)), np.zeros((self.space.n_nodes, 6), dtype=bool)
+        fixed[following] = True
+        fixed[c.support_node] = c.held[: c.n_supports]
+        y[c.support_node] = held.gap[: c.n_supports]
+        y, fixed = y.ravel(), fixed.ravel()
+        K = csc_matrix(K)
+        b = -(B.T @ g.ravel()) - K @ y
+        free = np.flatnonzero(~fixed)
+        y[free], negative = solve_sparse(K[:, free][free], b[free], symmetric)
+        self.du[...] = (B @ y).reshape(-1, 6)
+        return Solution(self.du, negative, largest_increment(self.du)[2], "splu")
 
     def _solve_joints(
         self, state: State, vertex_rhs: np.ndarray, held: Held, symmetric: bool

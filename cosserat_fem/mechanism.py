@@ -1,4 +1,4 @@
-"""What is rigid and how does it move? Parts, their motion, their meshes.
+"""What is rigid and how does it move? Parts, their motion, their shapes.
 
 Rule: a part is drawn in its reference place; its motion gives at each time the rigid displacement from there,
 x(t) = R(t) X + c(t). At a hinge angle of 0, a travel of 0 or the first pose of a path every part stands as drawn.
@@ -7,17 +7,18 @@ x(t) = R(t) X + c(t). At a hinge angle of 0, a travel of 0 or the first pose of 
 from __future__ import annotations
 
 import os
-import pathlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 from math import ceil, pi
-from typing import Any, Protocol
+from typing import Any, Protocol, get_args
 
 import numpy as np
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from .curve import unit
-from .errors import MeshError, check_name, check_positive, check_shape, one_line, silenced
+from .errors import MeshError, check_name, check_positive, check_shape
 from .kernels.rotation import (
     conjugate,
     matrix_from_quaternion,
@@ -26,7 +27,10 @@ from .kernels.rotation import (
     quaternion_from_vector,
     relative_rotation,
 )
+from .meshfile import read_surface
 from .schedule import DIFFERENCE, Schedule
+from .shapes import Shape
+from .surface import Surface
 from .table import read_table
 
 
@@ -309,26 +313,35 @@ STILL = RigidRates(*np.zeros((4, 3)))
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A rigid body that rods are attached to.
+    """A rigid body that rods are attached to, or touch.
 
     Parameters
     ----------
     name : str
     mesh : path of an STL, OBJ, PLY or VTK surface, optional
-        For pictures. It must be a watertight triangle surface; flipped facets are repaired.
+        Triangles for contact and pictures. Flipped facets are repaired; an open surface is touched from both sides.
     mesh_unit : [m]
         Length of one unit of the file; STL files do not say (1e-3 for millimetres).
     motion : Hinge, Slider or Path, optional
         Without it the part never moves.
+    shape : Plane, Sphere, Cylinder, Capsule, Box or Torus, or several, optional
+        Closed forms for contact and pictures, where the part is drawn [m]; with a mesh the part is both.
     """
 
     name: str
     mesh: str | os.PathLike[str] | None = None
     mesh_unit: float = 1.0
     motion: Motion | None = None
+    shape: Shape | Sequence[Shape] | None = None
+    shapes: tuple[Shape, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         check_name("part", self.name)
+        shapes = () if self.shape is None else (self.shape,) if isinstance(self.shape, get_args(Shape)) else self.shape
+        if not isinstance(shapes, tuple | list) or not all(isinstance(s, get_args(Shape)) for s in shapes):
+            names = ", ".join(kind.__name__ for kind in get_args(Shape))
+            raise ValueError(f"part {self.name!r}: shape must be one or several of {names} (got {self.shape!r}).")
+        object.__setattr__(self, "shapes", tuple(shapes))
         if self.motion is not None and not hasattr(self.motion, "pose"):
             raise ValueError(f"part {self.name!r}: motion must be a Hinge, Slider or Path (got {self.motion!r}).")
         check_positive(f"part {self.name!r}: mesh_unit", self.mesh_unit)
@@ -361,56 +374,33 @@ class Part:
         except ValueError as error:
             raise ValueError(f"part {self.name!r}: {error}") from None
 
-    def read_mesh(self) -> tuple[np.ndarray, np.ndarray]:
-        """Points (P, 3) [m] and triangles (F, 3) of the mesh. MeshError if there is none or it is no closed surface."""
+    @cached_property
+    def _surface(self) -> Surface:
         if self.mesh is None:
             raise MeshError(f"part {self.name!r}: has no mesh.")
+        where = f"part {self.name!r}: mesh file {os.fspath(self.mesh)!r}"
         points, triangles = read_surface(self.mesh, f"part {self.name!r}")
-        return points * self.mesh_unit, triangles
+        return Surface(points * self.mesh_unit, triangles, where=where)
+
+    def surface(self) -> Surface:
+        """The mesh [m], repaired, as the part is drawn; read once. MeshError if there is none or it cannot be used."""
+        return self._surface
+
+    def drawn_surface(self, extent: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+        """Points (P, 3) [m] and triangles (F, 3) of mesh and shapes, for pictures; none if the part has neither.
+
+        extent [m]: half width of the square that stands for a plane.
+        """
+        pieces = [shape.surface(extent) for shape in self.shapes]
+        if self.mesh is not None:
+            pieces.insert(0, (self.surface().points, self.surface().triangles))
+        if not pieces:
+            return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
+        first = np.cumsum([0, *(len(points) for points, _ in pieces[:-1])])
+        return (
+            np.concatenate([points for points, _ in pieces]),
+            np.concatenate([triangles + n for (_, triangles), n in zip(pieces, first, strict=True)]),
+        )
 
 
 GROUND = Part("ground")
-
-
-def read_surface(path: str | os.PathLike[str], where: str) -> tuple[np.ndarray, np.ndarray]:
-    """Read a closed triangle surface through pyvista: points (P, 3) in file units, triangles (F, 3).
-
-    Equal points are merged and facets turned outwards; a surface with holes or with edges shared by more than two
-    facets is refused, with their number.
-    """
-    file = pathlib.Path(path)
-    if not file.is_file():
-        raise MeshError(f"{where}: mesh file {os.fspath(path)!r} does not exist.")
-    import pyvista
-
-    try:
-        with silenced():
-            surface = pyvista.read(file).extract_surface(algorithm="dataset_surface").triangulate().clean()
-    except Exception as error:  # pyvista and VTK raise many types for files that are not meshes
-        raise MeshError(
-            f"{where}: mesh file {os.fspath(path)!r} cannot be read as a surface: {one_line(error)}."
-        ) from None
-    if surface.n_cells == 0 or surface.n_points < 4:
-        raise MeshError(
-            f"{where}: mesh file {os.fspath(path)!r} holds no surface ({surface.n_cells} triangles). "
-            "Export the part as a triangle mesh (STL, OBJ, PLY)."
-        )
-    if not np.isfinite(surface.points).all():
-        raise MeshError(f"{where}: mesh file {os.fspath(path)!r} holds coordinates that are not finite.")
-    open_edges = surface.extract_feature_edges(
-        boundary_edges=True, non_manifold_edges=False, feature_edges=False, manifold_edges=False
-    ).n_cells
-    shared = surface.extract_feature_edges(
-        boundary_edges=False, non_manifold_edges=True, feature_edges=False, manifold_edges=False
-    ).n_cells
-    if open_edges or shared:
-        fault = f"{open_edges} open edges" if open_edges else f"{shared} edges shared by more than two triangles"
-        raise MeshError(
-            f"{where}: mesh file {os.fspath(path)!r} is not watertight ({fault} of {surface.n_cells} triangles). "
-            "Close it in the program that made it."
-        )
-    surface = surface.compute_normals(
-        cell_normals=True, point_normals=False, consistent_normals=True, auto_orient_normals=True, split_vertices=False
-    )
-    triangles = surface.faces.reshape(-1, 4)[:, 1:].astype(np.int64)
-    return np.asarray(surface.points, dtype=float), triangles

@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from scipy.sparse import coo_matrix, csc_matrix
+from scipy.sparse import coo_matrix, csc_matrix, diags_array
 
 from .constraint import Constraints
 from .errors import SceneError, nearest
@@ -33,12 +33,32 @@ NO_BLOCKS = np.empty((0, 6, 6))
 
 @dataclass(frozen=True, eq=False)
 class Sum:
-    """Residual g (N, 6) of all terms, and the largest section force [N] and moment [N m] in the rods."""
+    """Residual g (N, 6) of all terms, and the largest section force [N] and moment [N m] in the rods.
+
+    negative: pivots of the condensed tangent; symmetric: whether the tangent is; matrix: the whole tangent (6 N, 6 N) where
+    contact couples rods, else nothing was said of it here; stiffest [N/m]: of contact at one place.
+    """
 
     g: np.ndarray
     force: float
     moment: float
     negative: int = -1
+    symmetric: bool = True
+    matrix: csc_matrix | None = None
+    stiffest: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class External:
+    """Sum of all terms but the internal force: residual g (N, 6), tangents of nodes (N, 6, 6) or empty, of elements for
+    each group as `terms.internal.Additions` takes them, and between rods; whether they are symmetric here."""
+
+    g: np.ndarray
+    nodal: np.ndarray
+    elements: dict[int, tuple[np.ndarray, np.ndarray]]
+    coupled: tuple[Blocks, ...]
+    stiffest: float
+    symmetric: bool
 
 
 class Step(Protocol):
@@ -102,6 +122,9 @@ class Model:
         self.supports = tuple(h for h in supports if not isinstance(h, Weld))
         self.welds = tuple(w for w in supports if isinstance(w, Weld))
         self.terms = tuple(terms)
+        self.contacts: tuple[Any, ...] = tuple(term for term in self.terms if getattr(term, "contact", False))
+        if self.contacts and rotation == "kardan":
+            raise SceneError("model: contact needs rotation = 'quaternion'.")
         self.rotation = rotation
         self._check_members()
         if rotation == "kardan" and self.welds:
@@ -136,8 +159,8 @@ class Model:
         members = [("support", h.name, h.rod) for h in self.supports]
         members += [("weld", "", rod) for w in self.welds for rod in (w.rod, w.other)]
         for term in self.terms:
-            rods = [getattr(term, name, None) for name in ("rod", "other")]
-            members += [("term", term.name, rod) for rod in rods if rod is not None]
+            rods = [getattr(term, name, None) for name in ("rod", "other")] + list(getattr(term, "rods", ()))
+            members += [("term", term.name, rod) for rod in dict.fromkeys(rods) if rod is not None]
         for kind, name, rod in members:
             if rod not in self.rods:
                 hint = (
@@ -164,8 +187,9 @@ class Model:
 
     @property
     def parts(self) -> list[Part]:
-        """Parts that hold something, in order of appearance."""
-        return list(dict.fromkeys(h.to for h in self.supports))
+        """Parts that hold or touch something, in order of appearance."""
+        touched = [term.part for term in self.contacts if hasattr(term, "part")]
+        return list(dict.fromkeys([*(h.to for h in self.supports), *touched]))
 
     def warn(self, message: str) -> None:
         """Keep and log a warning, once."""
@@ -186,28 +210,66 @@ class Model:
         if not (np.isfinite(state.r).all() and np.isfinite(state.q).all()):
             raise ValueError("start: holds places or rotations that are not finite.")
 
-    def external(self, state: State, *, tangent: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Residual (N, 6) of all terms but the internal force and their nodal tangents (N, 6, 6) or empty."""
+    def external(self, state: State, *, tangent: bool, exact: bool = True) -> External:
+        """All terms but the internal force. exact: contact with its full tangent, not only its positive part."""
         g, nodal = np.zeros((self.space.n_nodes, 6)), NO_BLOCKS
+        elements: dict[int, list[Blocks]] = {}
+        coupled: list[Blocks] = []
+        stiffest, symmetric = 0.0, True
         for term in self.terms:
-            blocks = term(state, self.space, tangent=tangent)
-            np.add.at(g, blocks.nodes[:, 0], blocks.force[:, 0])
+            pressing = False
+            if term in self.contacts:
+                blocks = term(state, self.space, tangent=tangent, exact=exact)  # type: ignore[call-arg]
+                pressing = blocks.stiffest > 0.0
+                stiffest = max(stiffest, blocks.stiffest)
+            else:
+                blocks = term(state, self.space, tangent=tangent)
+            for a in range(blocks.nodes.shape[1]):
+                np.add.at(g, blocks.nodes[:, a], blocks.force[:, a])
             if tangent and blocks.stiffness is not None:
-                if not len(nodal):
-                    nodal = np.zeros((self.space.n_nodes, 6, 6))
-                np.add.at(nodal, blocks.nodes[:, 0], blocks.stiffness)
-        return g, nodal
+                if blocks.nodes.shape[1] == 1:
+                    if not len(nodal):
+                        nodal = np.zeros((self.space.n_nodes, 6, 6))
+                    np.add.at(nodal, blocks.nodes[:, 0], blocks.stiffness)
+                elif blocks.elements is not None:
+                    elements.setdefault(blocks.elements[0], []).append(blocks)
+                else:
+                    coupled.append(blocks)
+            symmetric &= term.symmetric or (term in self.contacts and not pressing)
+        blocks_of = {k: self._of_elements(k, b) for k, b in elements.items()}
+        return External(g, nodal, blocks_of, tuple(coupled), stiffest, symmetric)
+
+    def touching(self, state: State) -> np.ndarray:
+        """Residual (N, 6) of the contact terms alone."""
+        g = np.zeros((self.space.n_nodes, 6))
+        for term in self.contacts:
+            blocks = term(state, self.space, tangent=False)
+            for a in range(blocks.nodes.shape[1]):
+                np.add.at(g, blocks.nodes[:, a], blocks.force[:, a])
+        return g
+
+    def _of_elements(self, group: int, found: list[Blocks]) -> tuple[np.ndarray, np.ndarray]:
+        """Which block (E,) each element of a group has, or -1, and the blocks, those of one element added up."""
+        numbers = np.concatenate([blocks.elements[1] for blocks in found])  # type: ignore[index]
+        stiffness = np.concatenate([blocks.stiffness for blocks in found])
+        unique, which = np.unique(numbers, return_inverse=True)
+        summed = np.zeros((len(unique), *stiffness.shape[1:]))
+        np.add.at(summed, which, stiffness)
+        touched = np.full(self.space.groups[group].n_elements, -1, dtype=np.int64)
+        touched[unique] = np.arange(len(unique))
+        return touched, summed
 
     def residual(self, state: State, *, step: Step | None = None) -> Sum:
         """Residual of all terms at a state; what is left on held unknowns is the reaction. step: inertia of a time step."""
         tables, largest = None, (0.0, 0.0)
         if step is not None:
             state, tables = step.with_velocity(state), step.tables
-        g, _ = self.external(state, tangent=False)
+        outside = self.external(state, tangent=False)
+        g = outside.g
         if step is not None:
             largest = step.add(state, g, NO_BLOCKS)
         force, moment = self.internal.residual(state, self.space, g, tables)
-        return Sum(g, max(force, largest[0]), max(moment, largest[1]))
+        return Sum(g, max(force, largest[0]), max(moment, largest[1]), stiffest=outside.stiffest)
 
     def condensed(
         self,
@@ -217,21 +279,51 @@ class Model:
         offset: np.ndarray | None,
         *,
         step: Step | None = None,
+        exact: bool = True,
     ) -> Sum:
         """Residual and, in `scratch`, the condensed tangent with mu * shift on the diagonal. offset: added to g."""
         tables, largest = None, (0.0, 0.0)
         if step is not None:
             state, tables = step.with_velocity(state), step.tables
-        g, nodal = self.external(state, tangent=True)
+        outside = self.external(state, tangent=True, exact=exact)
+        g, nodal = outside.g, outside.nodal
         if step is not None:
             if not len(nodal):
                 nodal = np.zeros((self.space.n_nodes, 6, 6))
             largest = step.add(state, g, nodal)
         if offset is not None:
             g += offset
-        additions = Additions(nodal, self.shift, mu, self.symmetric and step is None, tables)
+        symmetric = outside.symmetric and step is None
+        if outside.coupled:
+            force, moment, matrices = self.internal.full(state, self.space, g, tables)  # type: ignore[attr-defined]
+            matrix = self._summed(matrices, outside, nodal, mu)
+            largest = (max(force, largest[0]), max(moment, largest[1]))
+            return Sum(g, *largest, 0, symmetric, matrix, outside.stiffest)
+        additions = Additions(nodal, outside.elements, self.shift, mu, symmetric, tables)
         force, moment, negative = self.internal.condensed(state, self.space, g, scratch, additions)
-        return Sum(g, max(force, largest[0]), max(moment, largest[1]), negative)
+        largest = (max(force, largest[0]), max(moment, largest[1]))
+        return Sum(g, *largest, negative, symmetric, None, outside.stiffest)
+
+    def _summed(self, matrices: list[np.ndarray], outside: External, nodal: np.ndarray, mu: float) -> csc_matrix:
+        """The whole tangent from matrices of elements, of nodes and between rods, with mu * shift on the diagonal."""
+        sets = [(group.conn, K) for group, K in zip(self.space.groups, matrices, strict=True)]
+        for k, (touched, blocks) in outside.elements.items():
+            sets.append((self.space.groups[k].conn[np.argsort(touched)[-len(blocks) :]], blocks))
+        if len(nodal):
+            sets.append((np.arange(self.space.n_nodes)[:, None], nodal))
+        sets += [(blocks.nodes, blocks.stiffness) for blocks in outside.coupled]
+        n = 6 * self.space.n_nodes
+        total = csc_matrix((n, n))
+        if mu > 0.0:
+            total += diags_array(mu * self.shift.ravel())
+        rows, columns, values = [], [], []
+        for nodes, K in sets:
+            dofs = (6 * nodes[:, :, None] + np.arange(6)).reshape(len(nodes), -1)
+            rows.append(np.broadcast_to(dofs[:, :, None], K.shape).ravel())
+            columns.append(np.broadcast_to(dofs[:, None, :], K.shape).ravel())
+            values.append(K.ravel())
+        entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+        return total + coo_matrix(entries, shape=(n, n)).tocsc()
 
     def matrix(self, state: State) -> csc_matrix:
         """Full tangent (6 N, 6 N) before supports: the plain sum of all blocks."""

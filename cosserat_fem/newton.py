@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from .barrier import Approach
 from .constraint import Held, Targets
 from .errors import KardanError
 from .kernels.nodes import largest_increment, largest_residual
@@ -26,6 +27,7 @@ from .model import Model, Step, Sum
 from .space import State
 from .terms.external import NO_LOADS
 from .terms.inertial import Driven, InertiaStep
+from .terms.touch import Pressed
 
 RESIDUAL = 1e-11  # relative
 ROUND_OFF = 2 * np.finfo(float).eps
@@ -33,6 +35,9 @@ STAGNANT = 32.0  # residual in units of the tolerance, accepted when a small ste
 NO_REACTIONS = np.empty((0, 6))
 NO_PLACES = (np.empty((0, 3)), np.empty((0, 4)))
 LARGEST_TURN = 0.8  # rad in one guarded step
+FARTHEST = 0.2  # rod lengths in one step with contact
+SHORT = 0.05  # part of a guarded step; one cut to less was a bad one, and the shift grows
+ITERATIONS, TOUCHING = 20, 60  # of a plain solve, without and with contact
 SMALLEST_SHIFT = 1e-6
 
 
@@ -53,7 +58,8 @@ class Solved:
     """Outcome of one Newton solve.
 
     state: last iterate; total: its residual; reactions (supports, 6); residual: relative; where: node of the largest
-    residual; negative: negative eigenvalues of the last tangent, -1 if not known; reason: empty if converged.
+    residual; negative: negative eigenvalues of the last tangent, -1 if not known; reason: empty if converged; pressed:
+    what contact does, once accepted.
     """
 
     state: State
@@ -64,6 +70,7 @@ class Solved:
     negative: int
     iterations: int
     reason: str = ""
+    pressed: tuple[Pressed, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -77,9 +84,10 @@ class Newton:
         self.model = model
         self.linear = LinearSolver(model.space, model.constraints)
         self.counters = Counters()
+        self.approach = Approach(model) if model.contacts else None
 
     def plain(
-        self, state: State, *, targets: Targets | None = None, offset: np.ndarray | None = None, iterations: int = 20
+        self, state: State, *, targets: Targets | None = None, offset: np.ndarray | None = None, iterations: int = 0
     ) -> Solved:
         """Full steps. targets: of the supports, default those of the state's time; offset (N, 6): added to the residual."""
         return self._solve(state, targets, offset, iterations, guarded=False)
@@ -91,7 +99,14 @@ class Newton:
         self.counters.guarded += 1
         return self._solve(state, targets, offset, iterations, guarded=True)
 
-    def in_time(self, state: State, step: Step, tolerance: float, iterations: int = 20) -> Solved:
+    def accepted(self, solved: Solved, *, in_time: bool = False) -> Solved:
+        """The same with the memory of contact renewed, as the start of what follows."""
+        if self.approach is None:
+            return solved
+        state, pressed = self.approach.accept(solved.state, soften=not in_time)
+        return replace(solved, state=state, pressed=pressed)
+
+    def in_time(self, state: State, step: Step, tolerance: float, iterations: int = 0) -> Solved:
         """End of a time step, from a predicted state. tolerance: relative residual."""
         return self._solve(state, None, None, iterations, guarded=False, step=step, tolerance=tolerance)
 
@@ -106,12 +121,13 @@ class Newton:
         step: Step | None = None,
         tolerance: float = RESIDUAL,
     ) -> Solved:
-        model, constraints = self.model, self.model.constraints
-        symmetric = model.symmetric and step is None
+        model, constraints, approach = self.model, self.model.constraints, self.approach
+        iterations = iterations or (ITERATIONS if approach is None else TOUCHING)
         targets = targets or constraints.targets(state.t)
         mu = SMALLEST_SHIFT if guarded else 0.0
         moments = np.zeros((constraints.n_supports, 3)) if constraints.tilted else None
         negative, residual, before, where, k, cheap = -1, np.inf, np.inf, 0, 0, False
+        symmetric = model.symmetric  # of the last tangent
         small = near = False  # the last increment; the one before the last factorisation
         total = Sum(np.zeros((model.space.n_nodes, 6)), 0.0, 0.0)
 
@@ -119,7 +135,7 @@ class Newton:
             reactions = constraints.reactions(state, total.g)
             if not reason and not np.isfinite([total.force, total.moment]).all():
                 reason = "the section forces are not finite numbers"
-            if not reason and symmetric and (not near or negative > 0):
+            if not reason and symmetric and step is None and (not near or negative > 0):
                 return Solved(*self._count_again(state, targets, total, reactions, RESIDUAL * residual, where, k))
             return Solved(state, total, reactions, tolerance * residual, where, negative, k, reason)
 
@@ -130,7 +146,13 @@ class Newton:
                 if offset is not None:
                     total.g[...] += offset
             else:
-                total = model.condensed(state, self.linear.scratch, mu, offset, step=step)
+                extra = offset
+                if approach is not None and not approach.arrived(state):
+                    change = approach.change(state)
+                    extra = offset if change is None else change if offset is None else offset + change
+                total = model.condensed(
+                    state, self.linear.scratch, mu, extra, step=step, exact=not guarded
+                )  # fmt: skip
             if constraints.tilted:
                 moments = constraints.reactions(state, total.g)[:, 3:]
             held = constraints.evaluate(state, targets, moments)
@@ -138,7 +160,7 @@ class Newton:
             if not residual < np.inf:
                 return stop("the residual is not a finite number")
             met = residual <= 1.0 or (small and 0.5 * before < residual <= STAGNANT)
-            reached = k > 0 and met and self._gap_closed(held)
+            reached = k > 0 and met and self._gap_closed(held) and (approach is None or approach.arrived(state))
             if reached:
                 return stop()
             if cheap:
@@ -147,7 +169,8 @@ class Newton:
             if k == iterations:
                 return stop(f"no convergence within {iterations} iterations")
             near = small and mu <= SMALLEST_SHIFT  # stability counts only without the shift
-            solution = self.linear.solve(state, total.g, held, total.negative, symmetric)
+            symmetric = total.symmetric
+            solution = self.linear.solve(state, total.g, held, total.negative, symmetric, total.matrix)
             self.counters.iterations += 1
             self.counters.linear[solution.method] = self.counters.linear.get(solution.method, 0) + 1
             bad = solution.singular >= 0
@@ -160,16 +183,26 @@ class Newton:
                 return stop("the tangent is singular")
             negative, du = solution.negative, solution.du
             shift, turn, _ = largest_increment(du)
-            scale = min(1.0, LARGEST_TURN / turn) if guarded and turn > 0 else 1.0
-            if not guarded and turn > (np.inf, 2.0, 2.0, 1.0)[min(k, 3)]:  # no solve that converged turned more
+            limited = guarded or approach is not None
+            scale = min(1.0, LARGEST_TURN / turn) if limited and turn > 0 else 1.0
+            if not limited and turn > (np.inf, 2.0, 2.0, 1.0)[min(k, 3)]:  # no solve that converged turned more
                 return stop("the iteration diverges")
             stress = model.internal.extrapolate(state, model.space, du, 1.0, step.tables if step else None)
-            if scale < 1.0:  # the memory is an unknown of the mixed method: it takes the same part of its step
-                stress = tuple((1 - scale) * a + scale * b for a, b in zip(state.stress, stress, strict=True))
             try:
-                state = model.space.update(state, du, scale, stress)
+                if approach is None:
+                    moved = model.space.update(state, du, scale)
+                else:
+                    scale = min(scale, FARTHEST * model.scales["length"] / max(shift, 1e-300))
+                    moved, scale = approach.move(state, du, scale, stiffen=step is None)
+                    if scale == 0.0:
+                        return stop(approach.blocked(state))
+                    if guarded and scale < SHORT:
+                        mu = max(1.0, 4.0 * mu)
             except KardanError as error:
                 return stop(str(error))
+            if scale < 1.0:  # the memory is an unknown of the mixed method: it takes the same part of its step
+                stress = tuple((1 - scale) * a + scale * b for a, b in zip(state.stress, stress, strict=True))
+            state = replace(moved, stress=stress)
             k, before = k + 1, residual
             small = turn < 1e-3 and shift < 1e-3 * model.scales["length"]
             cheap = scale == 1.0 and small and mu <= SMALLEST_SHIFT
@@ -184,7 +217,7 @@ class Newton:
         mu = 0.0 if step is not None else SMALLEST_SHIFT
         residual = model.residual(state, step=step).g
         total = model.condensed(state, self.linear.scratch, mu, -residual - load, step=step)
-        return self.linear.solve(state, total.g, held, total.negative, model.symmetric and step is None).du.copy()
+        return self.linear.solve(state, total.g, held, total.negative, total.symmetric, total.matrix).du.copy()
 
     def _count_again(
         self, state: State, targets: Targets, total: Sum, reactions: np.ndarray, residual: float, where: int, k: int
@@ -197,7 +230,7 @@ class Newton:
         state = replace(state, stress=self.model.internal.with_stress(state, self.model.space))
         again = self.model.condensed(state, self.linear.scratch, SMALLEST_SHIFT, None)
         held = self.model.constraints.evaluate(state, targets, reactions[:, 3:])
-        solution = self.linear.solve(state, again.g, held, again.negative, True)
+        solution = self.linear.solve(state, again.g, held, again.negative, again.symmetric, again.matrix)
         return state, total, reactions, residual, where, solution.negative if solution.singular < 0 else -1, k
 
     def _measure(self, state: State, total: Sum, held: Held, step: Step | None, tolerance: float) -> tuple[float, int]:
@@ -206,6 +239,7 @@ class Newton:
         force = max(total.force, total.moment / s["length"])
         moment = max(total.moment, total.force * s["element"])
         noise = ROUND_OFF * s["axial"] * s["size"] / s["smallest"]
+        noise += 4.0 * ROUND_OFF * total.stiffest * s["size"]  # a gap is a difference of places
         force_limit = tolerance * force + noise
         moment_limit = tolerance * moment + noise * s["element"] + ROUND_OFF * s["bending"] / s["smallest"]
         if step is not None:  # round-off of the increment, as an inertia force

@@ -138,13 +138,39 @@ class RodNodes:
 
 
 @dataclass(frozen=True, eq=False)
+class Touch:
+    """What one contact term remembers: slips (m, 3) [m] of the places with the keys (m,), increasing; its pressure scale
+    [N/m]; work lost by friction so far [J]."""
+
+    keys: np.ndarray
+    slips: np.ndarray
+    scale: float
+    lost: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """Contact at a state: the time [s] for which parts stand where no rod is in them, and what was last accepted.
+
+    While a solver brings a state to its time t, `time` lags behind: parts come along as far as rods give way. base_time,
+    base_r (N, 3), base_q (N, 4): of the accepted state from which slips are counted; touch: memory of each term.
+    """
+
+    time: float
+    base_time: float
+    base_r: np.ndarray
+    base_q: np.ndarray
+    touch: dict[Any, Touch]
+
+
+@dataclass(frozen=True, eq=False)
 class State:
     """Configuration of all rods at one time. A value: never changed in place.
 
     t [s]; r (N, 3) [m] node positions; q (N, 4) unit quaternions; stress: the stress memory of the Newton method, one
     array per group; angles (N, 3) [rad] if the rotations are Kardan angles, else None. In a run in time also velocity
     (N, 6) [m/s, rad/s]: displacement in space, rotation in the section's axes; slope [1/s]: how much an increment of the
-    unknowns adds to it (0: nothing depends on it).
+    unknowns adds to it (0: nothing depends on it). contact: if the model has any.
     """
 
     t: float
@@ -154,6 +180,7 @@ class State:
     angles: np.ndarray | None = None
     velocity: np.ndarray | None = None
     slope: float = 0.0
+    contact: Contact | None = None
 
     def at_time(self, t: float) -> State:
         return replace(self, t=t)
@@ -164,12 +191,16 @@ class Blocks:
     """What a term adds to the residual g(q, t) = 0 and its derivative, on B sets of m nodes each.
 
     nodes (B, m); force (B, m, 6) [N, N m]: force in space and generalized moment at each node; stiffness
-    (B, 6 m, 6 m): dg/dq, None costs nothing.
+    (B, 6 m, 6 m): dg/dq, None costs nothing. elements: group and numbers (B,) of the elements whose nodes these are, if
+    they are; blocks of several nodes that are no element couple rods, and such systems are solved more slowly.
+    stiffest [N/m]: largest stiffness at one place, whose round-off limits what can be reached.
     """
 
     nodes: np.ndarray
     force: np.ndarray
     stiffness: np.ndarray | None = None
+    elements: tuple[int, np.ndarray] | None = None
+    stiffest: float = 0.0
 
 
 class Space:
@@ -370,7 +401,7 @@ class Space:
             return new
         q = np.empty_like(state.q)
         rotate_bodies(state.q, step[:, 3:], q)
-        return State(state.t, r, q, stress or state.stress, None, state.velocity, state.slope)
+        return State(state.t, r, q, stress or state.stress, None, state.velocity, state.slope, state.contact)
 
     def spin_axes(self, state: State, nodes: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Matrices H (n, 3, 3), spatial spin = H times the rotation unknowns: columns h_j.

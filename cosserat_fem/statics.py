@@ -66,7 +66,7 @@ def solve_static(model: Model, *, t: float = 0.0, start: State | None = None, st
     newton = Newton(model)
     history.counters = newton.counters
     state = _start(newton, history, start, t)
-    _append(history, _equilibrium(newton, state, history, steps=steps))
+    _append(history, newton.accepted(_equilibrium(newton, state, history, steps=steps)))
     return _finish(history)
 
 
@@ -111,7 +111,7 @@ def solve_quasistatic(
     before: State | None = None
     try:
         state = _start(newton, history, start, float(times[0]))
-        solved = _equilibrium(newton, state, history)
+        solved = newton.accepted(_equilibrium(newton, state, history))
         _append(history, solved)
         for k in range(len(times)):
             if k > 0:
@@ -131,16 +131,26 @@ def solve_quasistatic(
 def _start(newton: Newton, history: History, start: State | None, t: float) -> State:
     """State to start from at time t."""
     model = newton.model
+    approach = newton.approach
     if start is not None:
         model.check_state(start)
+        if approach is not None and not approach.knows(start):
+            start = approach.begin(start)
         return start.at_time(t)
     drawn_at = [part.drawn_at for part in model.parts]
+    if approach is not None:
+        return _untangled(newton, drawn_at[0] if len(set(drawn_at)) == 1 else t).at_time(t)
     if max((part.stages(t0, t) for part, t0 in zip(model.parts, drawn_at, strict=True)), default=1) <= 2:
         return model.initial_state().at_time(t)
     first = min(drawn_at) if t > min(drawn_at) else max(drawn_at)
     on_the_way = History(model)
-    _append(on_the_way, _equilibrium(newton, model.initial_state().at_time(first), on_the_way))
+    _append(on_the_way, newton.accepted(_equilibrium(newton, model.initial_state().at_time(first), on_the_way)))
     return _travel(newton, on_the_way, None, t)[0].state
+
+
+def _untangled(newton: Newton, t: float) -> State:
+    """The drawn shape with parts as at time t, free of overlap."""
+    return newton.approach.begin(newton.model.initial_state(t))  # type: ignore[union-attr]
 
 
 def _travel(newton: Newton, history: History, before: State | None, t: float) -> tuple[Solved, State]:
@@ -150,17 +160,19 @@ def _travel(newton: Newton, history: History, before: State | None, t: float) ->
     unstable = history.records[-1].negative > 0
     stages = max((part.stages(state.t, t) for part in model.parts), default=1)
     wanted = list(np.linspace(state.t, t, stages + 1)[1:])
-    halvings = 0
+    halvings, shortest = 0, abs(wanted[0] - state.t) * 0.5**HALVINGS
     while True:
-        guess = state.at_time(wanted[0]) if before is None else _extrapolated(before, state, wanted[0])
+        known = before is None or newton.approach is not None  # parts must come along with the rods
+        guess = state.at_time(wanted[0]) if known else _extrapolated(before, state, wanted[0])  # type: ignore[arg-type]
         solved = newton.plain(guess)
         if solved.converged and solved.negative > 0 and not unstable:
             solved = _prefer_stable(newton, state.at_time(wanted[0]), solved)
-        if not solved.converged and before is not None:
+        if not solved.converged and not known:
             solved = newton.plain(state.at_time(wanted[0]))
         if not solved.converged and halvings == 0:
             solved = newton.guarded(state.at_time(wanted[0]))
         if solved.converged:
+            solved = newton.accepted(solved)
             before, state = state, solved.state
             unstable = solved.negative > 0
             wanted.pop(0)
@@ -169,7 +181,7 @@ def _travel(newton: Newton, history: History, before: State | None, t: float) ->
             continue
         halvings += 1
         newton.counters.bisections += 1
-        if halvings > HALVINGS:
+        if abs(wanted[0] - state.t) < 1.5 * shortest:
             solved = newton.guarded(state.at_time(wanted[0]))
             if not solved.converged:
                 raise _failure(model, history, solved, f"on the way to t = {t:g} s, {len(history)} stations are kept")
@@ -254,6 +266,8 @@ def _check_supports(model: Model) -> None:
     """SceneError if a rigid motion is free and no load can hold it."""
     free = model.free_motions
     lost = [text for text, translation in free if translation or not model.terms]
+    if model.contacts:  # a floor may hold what no support does
+        lost = []
     if lost:
         raise SceneError(
             [
@@ -265,7 +279,11 @@ def _check_supports(model: Model) -> None:
 
 
 def _append(history: History, solved: Solved) -> None:
-    history.records.append(Record(solved.state, solved.reactions, solved.iterations, solved.residual, solved.negative))
+    history.records.append(
+        Record(
+            solved.state, solved.reactions, solved.iterations, solved.residual, solved.negative, contact=solved.pressed
+        )
+    )
 
 
 def _finish(history: History) -> History:

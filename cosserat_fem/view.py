@@ -2,7 +2,7 @@
 
 Rule: reads the run folder only; run it as its own process (`python -m cosserat_fem.view FOLDER`), because rendering
 without a usable OpenGL library ends the process. Rods are drawn as swept sections of true size, with a line along d1 so
-that twist shows; parts as their meshes.
+that twist shows; parts as their meshes and shapes.
 """
 
 from __future__ import annotations

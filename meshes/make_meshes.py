@@ -1,4 +1,4 @@
-"""Make the meshes of this folder: the two parts of the deployment hinge and a drawn cable route.
+"""Make the meshes of this folder: the two parts of the deployment hinge, a bracket and a drawn cable route.
 
 Run it from the project's root:  python meshes/make_meshes.py
 """
@@ -26,6 +26,33 @@ def cylinder(x, y, bottom, top, radius):
     )
 
 
+def bracket(x, y, radius, depth, facets=40):
+    """A post with a half-round nose about the axis (x, y), on a foot 3 mm wider: one closed surface, coordinates in mm."""
+    angle = np.linspace(-np.pi / 2, np.pi / 2, facets + 1)
+
+    def ring(wider, z):
+        r = radius + wider
+        nose = np.stack([x + r * np.cos(angle), y + r * np.sin(angle)], axis=1)
+        back = [(x - depth - wider, y + r), (x - depth - wider, y - r)]
+        return np.column_stack([[*nose, *back], np.full(facets + 3, z)])
+
+    rings = [ring(3, -9), ring(3, -6), ring(0, -6), ring(0, 6)]
+    n = facets + 3
+    near = np.arange(n)
+    points = np.concatenate([*rings, [(x, y, -9), (x, y, 6)]])
+    triangles = [
+        np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+        for k in range(3)
+        for a, b, c, d in [(k * n + near, k * n + np.roll(near, -1), k * n + n + np.roll(near, -1), k * n + n + near)]
+    ]
+    triangles += [
+        np.stack([np.full(n, 4 * n), np.roll(near, -1), near], axis=1),
+        np.stack([np.full(n, 4 * n + 1), 3 * n + near, 3 * n + np.roll(near, -1)], axis=1),
+    ]
+    triangles = np.concatenate(triangles)
+    return pv.PolyData(points.astype(float), np.column_stack([np.full(len(triangles), 3), triangles]).ravel())
+
+
 def main():
     fixed = [
         pv.Box((-24, 24, -126, 14, -16, -9)),
@@ -43,6 +70,7 @@ def main():
         shutil.copy(HERE / f"{name}.stl", SCENES / f"{name}.stl")
         surface.points = surface.points[:, [2, 0, 1]]  # the same hinge with its axis along x
         surface.save(HERE / f"{name}_x.stl")
+    bracket(5.5, -46, 7, 10).save(HERE / "bracket.stl")
     points = np.array([(x, y, 0.0) for x, y in ROUTE])
     edges = np.stack([np.arange(len(points) - 1), np.arange(1, len(points))], axis=1)
     meshio.Mesh(points, [("line", edges)]).write(HERE / "hinge_route.vtu", binary=False)

@@ -270,6 +270,23 @@ def add_extra(first, count, extra, A, X):
 
 
 @inner
+def add_touched(first, count, touched, blocks, A, X):
+    """As `add_extra`, for the few elements that have a block: touched (E,), its number or -1."""
+    n = 6 * A
+    for lane in range(count):
+        s = touched[first + lane]
+        if s < 0:
+            continue
+        for a in range(A):
+            row = 6 * (a - 2 if a >= 2 else a + A - 2)
+            for b in range(A):
+                column = 6 * (b - 2 if b >= 2 else b + A - 2)
+                for i in range(6):
+                    for j in range(6):
+                        X[((row + i) * n + column + j) * LANES + lane] += blocks[s, 6 * a + i, 6 * b + j]
+
+
+@inner
 def add_nodal(conn, first, count, owner, nodal, X):
     """Add nodal matrices nodal (N, 6, 6) to a pack's matrix, each node once: in the element owner[node]."""
     A = conn.shape[0]
@@ -327,6 +344,8 @@ def assemble(
     g,
     owner,
     nodal,
+    touched,
+    blocks,
     shift,
     mu,
     symmetric,
@@ -338,7 +357,8 @@ def assemble(
     """Internal force added to g (N, 6) and the tangent of all elements of a group, condensed to their ends.
 
     g must already hold everything else, because the condensed right-hand side is -g at the interior nodes.
-    nodal (N, 6, 6): tangents of other terms, or empty. mu * shift (N, 6): added on the diagonal.
+    nodal (N, 6, 6): tangents of other terms, or empty; touched (E,), blocks (S, 6A, 6A): those of elements, or empty, see
+    `add_touched`. mu * shift (N, 6): added on the diagonal.
     S (E, 12, 12), rhs (E, 12), factor (P, n_interior * (n + 1) * LANES): written; or, if matrices (E, 6A, 6A) is not
     empty, only the full element matrices of the internal force, nodes in connectivity order.
     Returns (largest force, largest moment, negative pivots).
@@ -391,6 +411,8 @@ def assemble(
         fill_matrix(A, K, X)
         if nodal.shape[0] > 0:
             add_nodal(conn[k], first, count, owner, nodal, X)
+        if blocks.shape[0] > 0:
+            add_touched(first, count, touched, blocks, A, X)
         if mu > 0.0:
             add_shift(conn[k], first, count, owner, shift, mu, X)
         fill_rhs(conn[k], g, b)

@@ -61,6 +61,7 @@ def newton_step(beam, linear, held, inertia, loads, limits, iterations, moved, r
     tolerance, length, element, force_noise, moment_noise, closed, stiffness = limits
     g, nodal, du, D, v, a, b, each, R = scratch
     none, rows, no_joint = np.empty((0, 0, 0)), np.empty((0, 0)), np.empty((0, 6))
+    untouched = np.empty(0, dtype=np.int64)
     no_blocks, turned = np.empty((0, 6, 6)), np.empty_like(q)
     gap = np.zeros((nodes.shape[0], 6))
     done = checks = 0
@@ -81,8 +82,8 @@ def newton_step(beam, linear, held, inertia, loads, limits, iterations, moved, r
         else:
             symmetric = make_symmetric(nodal, stiffness)
             section_force, section_moment, _ = assemble(
-                conn, n_elements, N, N_s, dx, C, C_full, reference, sigma, r, q, g, owner, nodal, rows, 0.0, symmetric,
-                S, rhs, factor, none,
+                conn, n_elements, N, N_s, dx, C, C_full, reference, sigma, r, q, g, owner, nodal, untouched, none,
+                rows, 0.0, symmetric, S, rhs, factor, none,
             )  # fmt: skip
         F, M = max(section_force, inertia_force), max(section_moment, inertia_moment)
         force_limit = tolerance * max(F, M / length) + force_noise

@@ -13,8 +13,10 @@ from ..space import Blocks, Space, State
 from .dissipative import Damping, Drag
 from .electric import Electrostatic
 from .external import Gravity, LineLoad, PointLoad
+from .part_contact import PartContact
+from .rod_contact import RodContact
 
-__all__ = ["Damping", "Drag", "Electrostatic", "Gravity", "LineLoad", "PointLoad", "Term"]
+__all__ = ["Damping", "Drag", "Electrostatic", "Gravity", "LineLoad", "PartContact", "PointLoad", "RodContact", "Term"]
 
 
 class Term(Protocol):
@@ -22,8 +24,9 @@ class Term(Protocol):
 
     `symmetric` says whether its tangent is the Hessian of a potential for every state; only then does the solver count
     negative eigenvalues, that is, judge stability. Optional attributes: `marks` (places that need a node), `kinks` and
-    `jumps` (times that steps must not cross), `needs_velocity`, `needs_mass`, `internal` (damping of strains), and
-    `tabulated` with `table(t, space)` (nothing but loads at nodes: the compiled time step takes them as a table).
+    `jumps` (times that steps must not cross), `contact` (it has gaps that no iterate may close, see `barrier`, and takes
+    `exact`), `needs_velocity`, `needs_mass`, `internal` (damping of strains), and `tabulated` with `table(t, space)`
+    (nothing but loads at nodes: the compiled time step takes them as a table).
     """
 
     @property

@@ -21,7 +21,7 @@ from ..space import Blocks, Space, State, from_lanes, lanes
 
 Tables = list[tuple[Any, ...]]  # for each group what `Group.tables` gives
 
-NO_MATRICES, NO_ROWS = np.empty((0, 0, 0)), np.empty((0, 0))
+NO_MATRICES, NO_ROWS, UNTOUCHED = np.empty((0, 0, 0)), np.empty((0, 0)), np.empty(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +35,11 @@ class Condensed:
 
 @dataclass(frozen=True, eq=False)
 class Additions:
-    """What others add to the tangent: nodal (N, 6, 6) or empty, mu * shift (N, 6) on the diagonal, tables of damped rods."""
+    """What others add to the tangent: nodal (N, 6, 6) or empty, blocks of elements for each group (which block (E,) or -1,
+    blocks (S, 6A, 6A)) or nothing, mu * shift (N, 6) on the diagonal, tables of damped rods."""
 
     nodal: np.ndarray
+    elements: dict[int, tuple[np.ndarray, np.ndarray]]
     shift: np.ndarray
     mu: float
     symmetric: bool
@@ -76,15 +78,8 @@ class QuaternionBeam:
     def __call__(self, state: State, space: Space, *, tangent: bool = True) -> list[Blocks]:
         """Element matrices and forces, one Blocks for each group; the general path and the tests."""
         blocks = []
-        for group, stress in zip(space.groups, state.stress, strict=True):
-            n = 6 * (group.order + 1)
-            K = np.empty((group.n_elements, n, n))
-            g = np.zeros((space.n_nodes, 6))
-            N_s, dx, C, C_full, reference = group.tables
-            condense.assemble(
-                group.packed_conn, group.n_elements, group.N, N_s, dx, C, C_full, reference, stress, state.r, state.q,
-                g, space.owner, NO_MATRICES, NO_ROWS, 0.0, True, NO_MATRICES, NO_ROWS, NO_ROWS, K,
-            )  # fmt: skip
+        g = np.zeros((space.n_nodes, 6))
+        for group, K in zip(space.groups, self.full(state, space, g)[2], strict=True):
             # forces are summed over elements already: give each node's sum to one of its elements
             force = np.zeros((group.n_elements, group.order + 1, 6))
             mine = space.owner[group.conn] == np.arange(group.n_elements)[:, None]
@@ -110,13 +105,31 @@ class QuaternionBeam:
         force, moment, negative = 0.0, 0.0, 0
         for k, (group, stress, out) in enumerate(zip(space.groups, state.stress, scratch, strict=True)):
             N_s, dx, C, C_full, reference = group.tables if additions.tables is None else additions.tables[k]
+            touched, blocks = additions.elements.get(k, (UNTOUCHED, NO_MATRICES))
             f, m, n = condense.assemble(
                 group.packed_conn, group.n_elements, group.N, N_s, dx, C, C_full, reference, stress, state.r, state.q,
-                g, space.owner, additions.nodal, additions.shift, additions.mu, additions.symmetric,
+                g, space.owner, additions.nodal, touched, blocks, additions.shift, additions.mu, additions.symmetric,
                 out.S, out.rhs, out.factor, NO_MATRICES,
             )  # fmt: skip
             force, moment, negative = max(force, f), max(moment, m), negative + n
         return force, moment, negative
+
+    def full(
+        self, state: State, space: Space, g: np.ndarray, tables: Tables | None = None
+    ) -> tuple[float, float, list[np.ndarray]]:
+        """As `condensed`, but return the matrices (E, 6A, 6A) of all elements, for each group."""
+        force, moment, matrices = 0.0, 0.0, []
+        for k, (group, stress) in enumerate(zip(space.groups, state.stress, strict=True)):
+            N_s, dx, C, C_full, reference = group.tables if tables is None else tables[k]
+            n = 6 * (group.order + 1)
+            K = np.empty((group.n_elements, n, n))
+            f, m, _ = condense.assemble(
+                group.packed_conn, group.n_elements, group.N, N_s, dx, C, C_full, reference, stress, state.r, state.q,
+                g, space.owner, NO_MATRICES, UNTOUCHED, NO_MATRICES, NO_ROWS, 0.0, True, NO_MATRICES, NO_ROWS, NO_ROWS, K,
+            )  # fmt: skip
+            force, moment = max(force, f), max(moment, m)
+            matrices.append(K)
+        return force, moment, matrices
 
     def extrapolate(
         self, state: State, space: Space, du: np.ndarray, scale: float, tables: Tables | None = None
