@@ -14,6 +14,11 @@ It is controlled per unit of time, error / h <= rtol / duration, so that the err
 that the step does not resolve make b large and move nothing: where the estimate is too large it is passed once through
 the matrix of the step, (ca M + K) e = ca M h^2 c (b1 - b0), which leaves slow motions as they are and removes these
 (the filter of Shampine and of Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8).
+
+Contact is collocated at the end of a step. A step across an impact that does not resolve the barrier would add energy, so
+with contact every step is held against the ledger: one that adds energy, or takes more than a little, is made again
+shorter. `AdaptiveStep` besides follows every wave that an impact sends along a rod; where these do not matter, or there is
+nothing to damp them, `FixedStep` is the choice.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -142,6 +143,15 @@ class Model:
                     self.warn(
                         f"rod {rod.name!r}: has no mass, so gravity does not act on it. Give its section a density."
                     )
+
+    def with_terms(self, terms: Sequence[Term]) -> Model:
+        """The same rods and supports with other terms."""
+        other = copy(self)
+        other.terms = tuple(terms)
+        other.contacts = tuple(term for term in terms if getattr(term, "contact", False))
+        other.symmetric = all(term.symmetric for term in terms)
+        other.warnings = []
+        return other
 
     def _check_members(self) -> None:
         if not self.rods:

@@ -32,6 +32,7 @@ log = logging.getLogger(__name__)
 LOAD_STEPS = (4, 16, 64)
 HALVINGS = 6
 BEND = 0.02  # rad
+PUSHES = 8  # decades of stiffness with which overlapping rods are pushed apart
 
 
 def solve_static(model: Model, *, t: float = 0.0, start: State | None = None, steps: int | None = None) -> History:
@@ -149,8 +150,26 @@ def _start(newton: Newton, history: History, start: State | None, t: float) -> S
 
 
 def _untangled(newton: Newton, t: float) -> State:
-    """The drawn shape with parts as at time t, free of overlap."""
-    return newton.approach.begin(newton.model.initial_state(t))  # type: ignore[union-attr]
+    """The drawn shape with parts as at time t; if rods overlap something a little, what soft contact makes of it."""
+    model, approach = newton.model, newton.approach
+    drawn = model.initial_state(t)
+    try:
+        return approach.begin(drawn)  # type: ignore[union-attr]
+    except SceneError as error:
+        fault = error
+    for power in range(PUSHES):
+        soft = {term: term.softened(drawn, model.space, 10.0**power) for term in model.contacts}
+        if None in soft.values():
+            raise fault
+        pushed = Newton(model.with_terms([soft.get(term, term) for term in model.terms]))
+        try:
+            state = _equilibrium(pushed, pushed.approach.begin(drawn), History(pushed.model)).state  # type: ignore[union-attr]
+            state = approach.begin(replace(state, contact=None))  # type: ignore[union-attr]
+        except (SceneError, ConvergenceError):
+            continue
+        model.warn(f"{fault} It was pushed out before the run; draw it outside if that is not meant.")
+        return state
+    raise fault
 
 
 def _travel(newton: Newton, history: History, before: State | None, t: float) -> tuple[Solved, State]:

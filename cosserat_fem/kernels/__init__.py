@@ -63,6 +63,11 @@ def inner(function: Callable[..., Any]) -> Any:
     return _stamped(njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS)(function))
 
 
+def merged(function: Callable[..., Any]) -> Any:
+    """As `inner`, and merged into its callers: for small functions with many arrays, which cost more to pass than to use."""
+    return _stamped(njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True, **OPTIONS)(function))
+
+
 def _stamped(compiled: Any) -> Any:
     if OPTIONS["cache"]:
         compiled._cache._cache_file._source_stamp = STAMP  # held by tests/kernels/test_cache.py

@@ -19,18 +19,25 @@ from math import log, sqrt
 
 import numpy as np
 
-from . import inner, kernel
+from . import inner, kernel, merged
 from .rotation import log_quaternion
-from .shapes import MESH, STRAND, TORUS, closed_form, triangles
+from .shapes import MESH, TORUS, beyond, closed_form, triangles
 from .strand import element_polynomial, nearest_on_strand, place_at
 
-POINTS = 4  # Gauss points in a stretch
 # columns of a point: xi, weight, distance, n (3), H (9); of a point on another rod cell, xi, slope (3), second derivative
 # (3), and 1 if it is free to slide along
 COLUMNS, OUT = 24, 26
 ABOUT_TO_SLIP = 0.999
-X_4 = np.array([0.069431844202973712, 0.33000947820757187, 0.66999052179242813, 0.93056815579702629])
-W_4 = np.array([0.17392742256872693, 0.32607257743127307, 0.32607257743127307, 0.17392742256872693])
+FLAT = 1e-10  # of the range of the law: a change of the gap that does not count
+# Gauss rules on 0 .. 1: three points where a whole cell touches, four on a stretch that begins or ends
+X_3, W_3 = (
+    np.array([0.1127016653792583, 0.5, 0.8872983346207417]),
+    np.array([0.27777777777777785, 0.4444444444444444, 0.27777777777777785]),
+)
+X_4, W_4 = (
+    np.array([0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970262]),
+    np.array([0.17392742256872679, 0.3260725774312732, 0.3260725774312732, 0.17392742256872679]),
+)
 
 
 @inner
@@ -64,20 +71,23 @@ def layer(depth, stiffness, start):
     )
 
 
-@inner
+@merged
 def look(C, xi, kind, size, mesh, rods, first, last, y, slope, out):
     """Distance and its derivatives at xi; out[13]: the derivative along the rod."""
     place_at(C, xi, y, slope)
-    if kind == MESH:
-        triangles(mesh[0], mesh[1], mesh[2], first, last, y, out)
-    elif kind == STRAND:
+    if rods is not None:
         nearest_on_strand(y, rods, first, last, out)
+    elif mesh is not None:
+        if kind == MESH:
+            triangles(mesh, first, last, y, out)
+        else:
+            closed_form(kind, size, y, out)
     else:
         closed_form(kind, size, y, out)
     out[13] = out[1] * slope[0] + out[2] * slope[1] + out[3] * slope[2]
 
 
-@inner
+@merged
 def root(C, inside, outside, level, kind, size, mesh, rods, first, last, y, slope, out):
     """Where the distance equals `level`, between a place where it is below and one where it is not."""
     a, b = inside, outside
@@ -99,10 +109,9 @@ def root(C, inside, outside, level, kind, size, mesh, rods, first, last, y, slop
     return xi
 
 
-@inner
-def lowest(C, a, b, fa, fb, kind, size, mesh, rods, first, last, y, slope, out):
-    """Place of the smallest distance between a and b, where the derivative fa < 0 < fb (Illinois rule)."""
-    width = b - a
+@merged
+def lowest(C, a, b, fa, fb, flat, kind, size, mesh, rods, first, last, y, slope, out):
+    """Place of the smallest distance, but for `flat`, between a and b, where the derivative fa < 0 < fb (Illinois rule)."""
     xi = a
     for _ in range(60):
         xi = a - fa * (b - a) / (fb - fa)
@@ -110,7 +119,7 @@ def lowest(C, a, b, fa, fb, kind, size, mesh, rods, first, last, y, slope, out):
             xi = 0.5 * (a + b)
         look(C, xi, kind, size, mesh, rods, first, last, y, slope, out)
         f = out[13]
-        if abs(f) < 1e-14 * (fb - fa) or b - a < 1e-11 * width:
+        if abs(f) * (b - a) < flat:
             break
         if f < 0.0:
             a, fa = xi, f
@@ -121,30 +130,29 @@ def lowest(C, a, b, fa, fb, kind, size, mesh, rods, first, last, y, slope, out):
     return xi
 
 
-@inner
-def add_stretch(C, a, b, h, Q, kind, size, mesh, rods, first, last, y, slope, out, count, entry, rows, owners):
+@merged
+def add_stretch(C, a, b, h, X, W, Q, kind, size, mesh, rods, first, last, y, slope, out, count, entry, rows, owners):
     """Gauss points of the stretch a .. b as rows; returns the new count, which may exceed the room."""
     if b - a <= 0.0:
         return count
-    for k in range(POINTS):
+    for k in range(X.shape[0]):
         if count < rows.shape[0]:
-            xi = a + (b - a) * X_4[k]
+            xi = a + (b - a) * X[k]
             look(C, xi, kind, size, mesh, rods, first, last, y, slope, out)
             row = rows[count]
-            row[0], row[1], row[2] = xi, W_4[k] * (b - a) * h, out[0]
+            row[0], row[1], row[2] = xi, W[k] * (b - a) * h, out[0]
             for i in range(3):
                 row[3 + i] = Q[i, 0] * out[1] + Q[i, 1] * out[2] + Q[i, 2] * out[3]
-            if kind == STRAND:
+            if rods is not None:
                 for i in range(9):
                     row[15 + i] = out[17 + i]
             else:
                 for i in range(3):
+                    h0 = Q[i, 0] * out[4] + Q[i, 1] * out[7] + Q[i, 2] * out[10]
+                    h1 = Q[i, 0] * out[5] + Q[i, 1] * out[8] + Q[i, 2] * out[11]
+                    h2 = Q[i, 0] * out[6] + Q[i, 1] * out[9] + Q[i, 2] * out[12]
                     for j in range(3):
-                        total = 0.0
-                        for m in range(3):
-                            for n in range(3):
-                                total += Q[i, m] * out[4 + 3 * m + n] * Q[j, n]
-                        row[6 + 3 * i + j] = total
+                        row[6 + 3 * i + j] = h0 * Q[j, 0] + h1 * Q[j, 1] + h2 * Q[j, 2]
             owners[count] = entry
         count += 1
     return count
@@ -156,9 +164,10 @@ def find(entries, cells, counts, conn, coefficients, h, r, obstacles, mesh, rods
 
     entries (M, 4): cell, obstacle, and where its triangles or the cells of its strand begin and end; cells (n, 2):
     element, number in it; counts (E,): cells in each element. obstacles: kinds (O,), sizes (O, 3), frames Q (O, 3, 3), c
-    (O, 3), levels (O,): distances below which they press, cores (O,): distances that are never reached. mesh: points,
-    corners, index of triangles; rods: as `strand.nearest_on_strand` takes them. rows (K, COLUMNS), owners (K,): written, up
-    to `room`. Returns (points wanted, smallest distance - core, its entry, its xi).
+    (O, 3), levels (O,): distances below which they press, cores (O,): distances that are never reached. mesh: as
+    `shapes.triangles` takes it; rods: as `strand.nearest_on_strand` takes them; None where there is none, which is another
+    compiled version. rows (K, COLUMNS), owners (K,): written, up to `room`.
+    Returns (points wanted, smallest distance - core, its entry, its xi).
     """
     A = conn.shape[1]
     kinds, sizes, Q, c, levels, cores = obstacles
@@ -170,6 +179,7 @@ def find(entries, cells, counts, conn, coefficients, h, r, obstacles, mesh, rods
         kind, size, level = kinds[o], sizes[o], levels[o]
         element_polynomial(conn[e], coefficients, r, Q[o], c[o], C)
         a, b = number / counts[e], (number + 1) / counts[e]
+        out[17] = -1.0
         look(C, a, kind, size, mesh, rods, first, last, y, slope, out)
         ga, fa = out[0], out[13]
         look(C, b, kind, size, mesh, rods, first, last, y, slope, out)
@@ -177,7 +187,9 @@ def find(entries, cells, counts, conn, coefficients, h, r, obstacles, mesh, rods
         bottom, g = a if ga < gb else b, min(ga, gb)
         inner_minimum = fa < 0.0 < fb
         if inner_minimum:
-            bottom = lowest(C, a, b, fa, fb, kind, size, mesh, rods, first, last, y, slope, out)
+            bottom = lowest(
+                C, a, b, fa, fb, FLAT * (level - cores[o]), kind, size, mesh, rods, first, last, y, slope, out
+            )
             g = min(g, out[0])
         if g - cores[o] < nearest:
             nearest, where, place = g - cores[o], m, bottom
@@ -190,10 +202,30 @@ def find(entries, cells, counts, conn, coefficients, h, r, obstacles, mesh, rods
         if gb >= level:
             b = root(C, bottom, b, level, kind, size, mesh, rods, first, last, y, slope, out)
         middle = bottom if inner_minimum else a
+        whole = ga < level and gb < level and not inner_minimum
         for k in range(2):
             low, high = (a, middle) if k == 0 else (middle, b)
             count = add_stretch(
-                C, low, high, h[e], Q[o], kind, size, mesh, rods, first, last, y, slope, out, count, m, rows, owners
+                C,
+                low,
+                high,
+                h[e],
+                X_3 if whole else X_4,
+                W_3 if whole else W_4,
+                Q[o],
+                kind,
+                size,
+                mesh,
+                rods,
+                first,
+                last,
+                y,
+                slope,
+                out,
+                count,
+                m,
+                rows,
+                owners,
             )
     return count, nearest, where, place
 
@@ -261,9 +293,13 @@ def largest_step(entries, cells, counts, conn, coefficients, r, moved, obstacles
             place_at(D, xi, d, slope)
             for i in range(3):
                 d[i] -= y[i]
-            if kinds[o] == MESH:
+            if mesh is not None and kinds[o] == MESH:
+                far = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) / part + core
                 for j in range(first, last):
-                    triangles(mesh[0], mesh[1], mesh[2], j, j + 1, y, out)
+                    if beyond(mesh, j, y, far):
+                        continue
+                    out[17] = -1.0
+                    triangles(mesh, j, j + 1, y, out)
                     alpha = min(alpha, room(out[0], core, out[1], out[2], out[3], d, part, spare))
             elif kinds[o] == TORUS:
                 alpha = min(alpha, stretches(kinds[o], sizes[o], y, d, core, part, out))

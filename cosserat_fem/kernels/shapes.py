@@ -4,7 +4,7 @@ Rule: shapes are given in their own frame (`cosserat_fem.shapes`); a distance is
 no sign for triangles. The Hessian of a distance has the principal curvatures of the offset surface through the point as
 eigenvalues: 1/d about a point, 1/d across a line, none over a face.
 
-Out (17,): distance, gradient (3), Hessian (9, by rows), one place for the caller, and three for the search among triangles.
+Out (18,): distance, gradient (3), Hessian (9, by rows), one place for the caller, and four for the search among triangles.
 """
 
 from __future__ import annotations
@@ -188,25 +188,45 @@ def to_triangle(y, A, B, C, v):
 
 
 @inner
-def triangles(points, corners, index, first, last, y, out):
-    """Distance to the nearest of the triangles index[first:last]; corners (F, 3) into points (P, 3)."""
-    v = out[14:]
-    best, b0, b1, b2, feature, which = np.inf, 0.0, 0.0, 0.0, 0, -1
-    for k in range(first, last):
+def beyond(mesh, k, y, distance):
+    """True if the ball about the triangle index[k] is farther from y than a distance."""
+    m = mesh[2][k]
+    c, reach = mesh[3][m], distance + mesh[4][m]
+    d0, d1, d2 = y[0] - c[0], y[1] - c[1], y[2] - c[2]
+    return d0 * d0 + d1 * d1 + d2 * d2 > reach * reach
+
+
+@inner
+def triangles(mesh, first, last, y, out):
+    """Distance to the nearest of the triangles index[first:last].
+
+    mesh: points (P, 3), corners (F, 3), index, middles (F, 3) and radii (F,) of balls about triangles. out[17]: place in
+    index of the one that was nearest to the last point, to begin with, or negative; renewed.
+    """
+    points, corners, index = mesh[0], mesh[1], mesh[2]
+    v = out[14:17]
+    best, d, b0, b1, b2, feature, which = np.inf, np.inf, 0.0, 0.0, 0.0, 0, -1
+    guess = int(out[17])
+    for j in range(first - 1, last):
+        k = guess if j < first else j
+        if k < first or (j >= first and (k == guess or beyond(mesh, k, y, d))):
+            continue
         m = index[k]
         square, f = to_triangle(y, points[corners[m, 0]], points[corners[m, 1]], points[corners[m, 2]], v)
         # of equally near ones a face counts first: a point over the common edge of two flat facets is over a face
         if square < best * (1.0 - 1e-14) or (square <= best and f < feature):
-            best, b0, b1, b2, feature, which = square, v[0], v[1], v[2], f, m
+            best, d, b0, b1, b2, feature, which = square, sqrt(square) * (1.0 + 1e-12), v[0], v[1], v[2], f, k
     if which < 0:
         set_gradient(np.inf, 0.0, 0.0, 1.0, out)
         clear_hessian(out)
         return
+    out[17] = which
     from_point(b0, b1, b2, 0.0, out)
     if feature == 0:
         clear_hessian(out)
     elif feature <= 3:
-        a, b = points[corners[which, feature - 1]], points[corners[which, feature % 3]]
+        m = index[which]
+        a, b = points[corners[m, feature - 1]], points[corners[m, feature % 3]]
         e0, e1, e2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
         i = 1.0 / sqrt(e0 * e0 + e1 * e1 + e2 * e2)
         subtract_axis(1.0 / max(out[0], 1e-300), e0 * i, e1 * i, e2 * i, out)

@@ -24,7 +24,6 @@ from ..space import Blocks, Contact, Space, State, Touch
 from .external import check_rod
 from .touch import (
     ELASTIC,
-    NO_MESH,
     RANGE,
     Cells,
     Found,
@@ -40,6 +39,7 @@ from .touch import (
 )
 
 MARGIN, FURTHEST = 2.0, 10.0  # radii: how far a cell may move before what is near is found again; at most in one go
+THICKER, SLIGHTEST = 1.1, 0.02  # radii: of a rod that is pushed out of a part; nearest to it that can be
 LEFT = 0.02  # part of a gap, or of the range, that a step must leave
 CLOSING, SPARE = 0.9, 0.3  # part of a gap that one step may close, or all of it but this part of the barrier's range
 STRETCHED = 1.9  # radii: a longer piece of rod between two looked at places could pass an obstacle
@@ -206,6 +206,18 @@ class PartContact:
             f"{where}, centreline and all, at t = {state.t:g} s. Draw it outside: contact cannot tell which way is out."
         ]
 
+    def softened(self, state: State, space: Space, stiffness: float) -> PartContact | None:
+        """A soft rod, a little thicker, that this state does not overlap; None if the centreline itself is inside.
+
+        stiffness: of the soft layer, in parts of the pressure scale over the radius.
+        """
+        distance = self._near(space).find(state).gap + self.core
+        if distance < SLIGHTEST * self.radius or self._near(space).deepest(state)[0] > self.radius:
+            return None
+        thick = THICKER * self.radius
+        layer = (stiffness * self.start(space).scale / self.radius, thick - 0.9 * min(distance, self.radius))
+        return replace(self, radius=thick, friction=0.0, layer=layer, stand_off=0.05 * (thick - layer[1]))
+
     def potential(self, state: State, space: Space) -> float:
         """Energy [J] stored in the barrier and the layer."""
         found = self._near(space).find(state)
@@ -288,6 +300,10 @@ class Near:
             np.full(self.n_obstacles, self.term.level),
             np.full(self.n_obstacles, self.term.core),
         )
+        if self.surface is not None:
+            corners = self.surface.points[self.surface.triangles]
+            middle = 0.5 * (corners.min(axis=1) + corners.max(axis=1))
+            self.balls = (middle, np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(axis=1)))
         self.middle: np.ndarray | None = None
         self._found: list[tuple[np.ndarray, float, Found]] = []
 
@@ -319,14 +335,14 @@ class Near:
             free = np.minimum(free, distance - reach)
             near = np.flatnonzero(distance <= reach + margin)
             rows.append(np.stack([near, np.full_like(near, k), 0 * near, 0 * near], axis=1))
-        mesh = NO_MESH
+        mesh = None
         if self.surface is not None:
             distance = self.surface.nearest(middle)
             free = np.minimum(free, distance - reach)
             near = np.flatnonzero(distance <= reach + margin)
             start, index = self.surface.candidates(middle[near], (reach + margin)[near])
             rows.append(self._runs(near, start, self.surface.patch[index]))
-            mesh = (self.surface.points, self.surface.triangles, index)
+            mesh = (self.surface.points, self.surface.triangles, index, *self.balls)
         entries = np.concatenate(rows)
         self.entries = np.ascontiguousarray(entries[np.lexsort((entries[:, 1], entries[:, 0]))])
         self.obstacles = replace(self.obstacles, mesh=mesh)

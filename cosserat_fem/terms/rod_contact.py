@@ -10,7 +10,8 @@ Couplings of rods do not fit in the chains that are otherwise solved: while rods
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -23,7 +24,7 @@ from ..kernels.strand import cell_ends, largest_step_between
 from ..rod import Rod
 from ..space import Blocks, Space, State, Touch
 from .external import check_rod
-from .part_contact import CLOSING, LEFT, MARGIN, NOBODY, NOTHING, SPARE, STRETCHED, fresh
+from .part_contact import CLOSING, LEFT, MARGIN, NOBODY, NOTHING, SLIGHTEST, SPARE, STRETCHED, THICKER, fresh
 from .touch import (
     ELASTIC,
     RANGE,
@@ -55,12 +56,12 @@ class RodContact:
     friction, stand_off, elastic_slip, pressure, layer
         As for `PartContact`; the layer is that of both surfaces together.
     radius : [m], optional
-        Of all rods; default that of each one's section.
+        Of all rods, or one for each; default that of each one's section.
     """
 
     rods: Sequence[Rod]
     friction: float = 0.0
-    radius: float | None = None
+    radius: Any = None
     stand_off: float | None = None
     elastic_slip: float | None = None
     pressure: float | None = None
@@ -87,7 +88,11 @@ class RodContact:
         object.__setattr__(self, "rods", rods)
         object.__setattr__(self, "name", self.name or "-".join(names if len(names) > 1 else names * 2))
         check_law(where, self)
-        object.__setattr__(self, "radii", tuple(contact_radius(where, rod, self.radius) for rod in rods))
+        given = self.radius if isinstance(self.radius, list | tuple) else [self.radius] * len(rods)
+        if len(given) != len(rods):
+            raise ValueError(f"{where}: radius must be one number, or one for each rod (got {len(given)}).")
+        radii = [contact_radius(where, rod, radius) for rod, radius in zip(rods, given, strict=True)]
+        object.__setattr__(self, "radii", tuple(radii))
         if self.layer is not None and self.layer[1] >= 2 * min(self.radii):
             raise ValueError(
                 f"{where}: the layer must be thinner than both radii together (got {self.layer[1]:g} m, radius "
@@ -182,6 +187,17 @@ class RodContact:
         s = near.cells.s_of(np.array([cell]), np.array([xi]))[0]
         what = f"rod {second!r}" if first != second else "itself"
         return [f"rod {first!r}: at s = {s:.4g} m it is {-found.gap:.3g} m inside {what}."]
+
+    def softened(self, state: State, space: Space, stiffness: float) -> RodContact | None:
+        """Soft rods, a little thicker, that do not overlap in this state; None if centrelines meet. See `PartContact`."""
+        both = 2.0 * min(self.radii)
+        distance = self._near(space).find(state).gap + both - self.depth
+        if distance < SLIGHTEST * both:
+            return None
+        thick = THICKER * both
+        layer = (stiffness * self.start(space).scale / both, thick - 0.9 * min(distance, both))
+        radii = [THICKER * a for a in self.radii]
+        return replace(self, radius=radii, friction=0.0, layer=layer, stand_off=0.05 * (thick - layer[1]))
 
     def potential(self, state: State, space: Space) -> float:
         """Energy [J] stored in the barrier and the layer."""

@@ -17,14 +17,12 @@ from ..kernels.contact import COLUMNS, cell_balls, find, longest_chord
 from ..rod import Rod
 from ..space import Space, Touch
 
+CELL = 1.5  # longest cell in radii
 RANGE = 2e-3  # range of the barrier in radii: stand-off errors are at most half of it
 ELASTIC = 5e-3  # elastic slip in radii
 BENDING = 10.0  # times EI / L^2: force expected at a place
 MOST_CELLS = 2_000_000
 UNTURNED, ORIGIN = np.eye(3), np.zeros(3)
-NO_ROWS, NO_PAIRS, NONE = np.empty((0, 3)), np.empty((0, 2), dtype=np.int64), np.empty(0, dtype=np.int64)
-NO_MESH = (NO_ROWS, np.empty((0, 3), dtype=np.int64), NONE)
-NO_RODS = (NO_ROWS, NO_PAIRS, NONE, np.empty((0, 1), dtype=np.int64), np.empty((0, 0)), NO_ROWS, NONE, NO_PAIRS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +61,7 @@ class Cells:
             nodes.append(group.conn[elements])
             h.append(lengths)
             begin.append(np.cumsum(lengths) - lengths)
-            counts.append(np.maximum(1, np.ceil(lengths / radius * (1 - 1e-9))))
+            counts.append(np.maximum(1, np.ceil(lengths / (CELL * radius) * (1 - 1e-9))))
             numbers.append(np.arange(elements.start, elements.stop))
             of.append(np.full(len(lengths), k))
             if counts[-1].sum() > MOST_CELLS:
@@ -107,14 +105,14 @@ class Cells:
 @dataclass(frozen=True, eq=False)
 class Obstacles:
     """What cells may meet: kinds (O,), sizes (O, 3), distances levels (O,) below which they press and cores (O,) that are
-    never reached; triangles (points, corners, index); other rods as `kernels.strand` takes them."""
+    never reached; mesh and other rods as `kernels.shapes.triangles` and `kernels.strand` take them."""
 
     kinds: np.ndarray
     sizes: np.ndarray
     levels: np.ndarray
     cores: np.ndarray
-    mesh: tuple[np.ndarray, np.ndarray, np.ndarray] = NO_MESH
-    rods: tuple[np.ndarray, ...] = NO_RODS
+    mesh: tuple[np.ndarray, ...] | None = None
+    rods: tuple[np.ndarray, ...] | None = None
 
     def at(self, Q: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, ...]:
         """As the kernels take them, in frames Q (O, 3, 3), c (O, 3)."""
