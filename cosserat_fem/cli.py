@@ -204,7 +204,7 @@ def _draw(folder: pathlib.Path, tell: Callable[[str], None], *, skip: bool) -> i
 
 
 def _tell_results(history: Any, tell: Callable[[str], None]) -> None:
-    """Three lines that answer first questions."""
+    """A few lines that answer first questions."""
     import numpy as np
 
     from .export import hinged_parts
@@ -219,6 +219,14 @@ def _tell_results(history: Any, tell: Callable[[str], None]) -> None:
         torque, angle = history.hinge_torque(part), np.degrees(history.hinge_angle(part))
         k = int(np.argmax(np.abs(torque)))
         tell(f"  hinge of {part.name}: torque up to {torque[k]:.6g} N m at {angle[k]:.4g} deg")
+    for term in history.model.contacts:
+        told = history.pressed(term.name)
+        top = max(range(len(told)), key=lambda k: told[k].peak)
+        if told[top].peak > 0:
+            s = f"at s = {told[top].peak_s:.4g} m"
+            tell(f"  contact {term.name}: line force up to {told[top].peak:.4g} N/m {s}, t = {history.t[top]:g} s")
+        else:
+            tell(f"  contact {term.name}: does not touch")
 
 
 class _Progress:

@@ -174,7 +174,8 @@ def check_dynamic(model: Model, times: Sequence[float]) -> None:
         try:
             model.constraints.driven(t)
             for term in model.terms:
-                term(model.initial_state(t), model.space, tangent=False)
+                if term not in model.contacts:
+                    term(model.initial_state(t), model.space, tangent=False)
         except ValueError as error:
             raise SceneError(str(error)) from None
 

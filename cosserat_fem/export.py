@@ -48,6 +48,7 @@ UNITS = {
     "gamma": "-",
     "kappa": "1/m",
     "curvature": "1/m",
+    "contact_force": "N/m",
     "radius": "m",
     "s": "m",
     "rod": "index",
@@ -108,6 +109,8 @@ def _rod_fields(history: History, rod: Rod, index: int) -> Fields:
     }
     if history.dynamic:
         nodes["velocity"] = history.velocities(rod)[..., :3]
+    if history.model.contacts:
+        nodes["contact_force"] = history.line_force(rod)
     lines = np.stack([np.arange(N - 1), np.arange(1, N)], axis=1)
     return Fields(points, lines, nodes, cells)
 
@@ -137,19 +140,20 @@ def write_history(history: History, path: str | os.PathLike[str]) -> None:
 
 
 def write_parts(history: History, path: str | os.PathLike[str], parts: Sequence[Part] | None = None) -> None:
-    """Write the meshes of parts, moving with them, as one transient VTKHDF file; nothing if no part has one.
+    """Write meshes and shapes of parts, moving with them, as one transient VTKHDF file; nothing if no part has one.
 
-    parts: default those that hold a rod.
+    parts: default those that hold a rod. A plane is drawn as wide as the longest rod is long.
     """
+    extent = max(rod.length for rod in history.model.rods) / 2
     points: list[np.ndarray] = []
     triangles: list[np.ndarray] = []
     index: list[np.ndarray] = []
     names: list[str] = []
     n = 0
     for part in history.model.parts if parts is None else parts:
-        if part.mesh is None:
+        X, faces = part.drawn_surface(extent)
+        if not len(faces):
             continue
-        X, faces = part.read_mesh()
         poses = [part.pose(float(t)) for t in history.t]
         points.append(np.array([X @ R.T + c for R, c in poses]))
         triangles.append(faces + n)
@@ -339,6 +343,39 @@ def write_hinge_torque(history: History, path: str | os.PathLike[str]) -> None:
         angles, torque = np.degrees(history.hinge_angle(part)), history.hinge_torque(part)
         rows += [[t, part.name, a, m] for t, a, m in zip(history.t, angles, torque, strict=True)]
     write_csv(path, ["time", "part", "angle_deg", "torque"], rows)
+
+
+def write_contacts(history: History, path: str | os.PathLike[str]) -> None:
+    """CSV of when and where each contact touches: times [s] of the first and last station, peak line force [N/m], when and
+    where [m], stretch of the rod [m], smallest gap [m], work lost by friction [J]."""
+    rows = [
+        [e.begin, e.end, e.name, e.rod, e.other, e.peak, e.peak_t, e.peak_s, e.s0, e.s1, e.gap, e.lost]
+        for e in history.contacts()
+    ]
+    names = ["peak_force", "peak_time", "peak_s", "s0", "s1", "gap", "friction_work"]
+    write_csv(path, ["time_in", "time_out", "contact", "rod", "other", *names], rows)
+
+
+def write_contact_loads(history: History, path: str | os.PathLike[str]) -> None:
+    """CSV of each contact over time: force [N] and moment [N m] on its part, about the part's origin, in space; torque
+    [N m] that the drive of the part's hinge must supply for it; smallest gap [m], empty if nothing is near; work lost by
+    friction since the start [J]. Rods that touch each other have no part: their load is a zero sum."""
+    columns = []
+    for term in history.model.contacts:
+        part: Part | None = getattr(term, "part", None)
+        load: Any = [[""] * 6] * len(history)
+        torque: Any = [""] * len(history)
+        if part is not None:
+            load = history.contact_load(part, term.name)
+            torque = history.contact_torque(part, term.name) if isinstance(part.motion, Hinge) else torque
+        columns.append((term.name, "" if part is None else part.name, load, torque, history.pressed(term.name)))
+    rows = [
+        [t, name, part, *load[k], torque[k], told[k].gap if np.isfinite(told[k].gap) else "", told[k].lost]
+        for k, t in enumerate(history.t)
+        for name, part, load, torque, told in columns
+    ]
+    names = ["Fx", "Fy", "Fz", "Mx", "My", "Mz", "hinge_torque", "gap", "friction_work"]
+    write_csv(path, ["time", "contact", "part", *names], rows)
 
 
 def write_ledger(history: History, path: str | os.PathLike[str]) -> None:

@@ -21,8 +21,9 @@ from .export import UNITS
 
 PROGRAM = "cosserat_fem"
 RESULTS = ("reactions.csv", "hinge_torque.csv", "history.vtkhdf", "parts.vtkhdf")
+TOUCHING = ("contacts.csv", "contact_loads.csv")  # of a scene with contact
 IN_TIME = ("ledger.csv", "steps.csv", "frames.bin", "checkpoint.npz")  # of a run in time
-FILES = ("scene.toml", *RESULTS, *IN_TIME, "history.pvd", "summary.json")
+FILES = ("scene.toml", *RESULTS, *TOUCHING, *IN_TIME, "history.pvd", "summary.json")
 LOCK = ".running"
 # names that we give in each folder; pictures of one state are called after the field that colours them
 NAMES = {

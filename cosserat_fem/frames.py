@@ -15,6 +15,7 @@ import pathlib
 import struct
 import zlib
 from collections.abc import Iterator
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -23,10 +24,14 @@ from .errors import SceneError
 from .export import replace_file
 from .history import Record
 from .integrator import Checkpoint
-from .space import State
+from .model import Model
+from .space import Contact, State, Touch
 from .terms.inertial import Rates
+from .terms.touch import Pressed
 
 FRAMES, CHECKPOINT = "frames.bin", "checkpoint.npz"
+TOLD_ARRAYS = ("load", "spans", "nodes", "force")  # of what a contact term does
+TOLD = tuple(entry.name for entry in fields(Pressed) if entry.name not in TOLD_ARRAYS)  # numbers and words
 MAGIC = b"cosserat_fem frames 1\n"
 HEAD = struct.Struct("<QI")
 
@@ -68,8 +73,16 @@ class FrameFile:
         state, rates = record.state, record.rates
         if rates is None:
             raise ValueError("frames: only states of a run in time can be kept.")
-        about = {"t": state.t, "iterations": record.iterations, "residual": record.residual, "work": record.work}
+        about: dict[str, Any] = {
+            "t": state.t,
+            "iterations": record.iterations,
+            "residual": record.residual,
+            "work": record.work,
+        }
         arrays = {"r": state.r, "q": state.q, "reactions": record.reactions, "v": rates.v, "a": rates.a, "b": rates.b}
+        if record.contact:
+            about["contact"] = [{name: getattr(told, name) for name in TOLD} for told in record.contact]
+            arrays |= {f"{name}_{k}": getattr(p, name) for k, p in enumerate(record.contact) for name in TOLD_ARRAYS}
         self._append(pack(about, arrays))
 
     def sync(self) -> None:
@@ -114,9 +127,12 @@ def read_frames(path: pathlib.Path, keep: int | None = None) -> tuple[str, list[
         about, arrays = unpack(data)
         state = State(about["t"], arrays["r"], arrays["q"], ())
         rates = Rates(arrays["v"], arrays["a"], arrays["b"])
-        records.append(
-            Record(state, arrays["reactions"], about["iterations"], about["residual"], -1, rates, about["work"])
+        contact = tuple(
+            Pressed(**(told | {name: arrays[f"{name}_{k}"] for name in TOLD_ARRAYS}))
+            for k, told in enumerate(about.get("contact", ()))
         )
+        found = (arrays["reactions"], about["iterations"], about["residual"], -1, rates, about["work"], contact)
+        records.append(Record(state, *found))
     return scene, records
 
 
@@ -133,12 +149,20 @@ def write_checkpoint(path: pathlib.Path, scene: str, saved: Checkpoint, counters
         "work": saved.work,
         "strain_step": saved.strain_step,
         "kept": saved.kept,
+        "largest_energy": saved.largest_energy,
         "counters": counters,
         "lists": {name: len(_list(saved, name)) for name in LISTS},
     }
     arrays = {"r": saved.state.r, "q": saved.state.q, "v": saved.rates.v, "a": saved.rates.a, "b": saved.rates.b}
     arrays |= {"residual": saved.residual, "log": np.array(saved.log, dtype=float).reshape(-1, 4)}
     arrays |= {f"{name}_{k}": array for name in LISTS for k, array in enumerate(_list(saved, name))}
+    contact = saved.state.contact
+    if contact is not None:  # the terms in the order of the model
+        about["contact"] = {"time": contact.time, "base_time": contact.base_time}
+        about["touch"] = [{"scale": touch.scale, "lost": touch.lost} for touch in contact.touch.values()]
+        arrays |= {"base_r": contact.base_r, "base_q": contact.base_q}
+        for k, touch in enumerate(contact.touch.values()):
+            arrays |= {f"keys_{k}": touch.keys, f"slips_{k}": touch.slips}
     data = pack(about, arrays)
 
     def write(temporary: pathlib.Path) -> None:
@@ -154,8 +178,26 @@ def _list(saved: Checkpoint, name: str) -> Any:
     return saved.state.stress if name == "stress" else getattr(saved, name)
 
 
+def _contact(about: dict[str, Any], arrays: dict[str, np.ndarray]) -> Contact | None:
+    """Memory of contact, its terms by their numbers."""
+    if "contact" not in about:
+        return None
+    touch = {k: Touch(arrays[f"keys_{k}"], arrays[f"slips_{k}"], **said) for k, said in enumerate(about["touch"])}
+    return Contact(**about["contact"], base_r=arrays["base_r"], base_q=arrays["base_q"], touch=touch)
+
+
+def with_terms(saved: Checkpoint, model: Model) -> Checkpoint:
+    """A checkpoint that was read, with the contact terms of its model instead of their numbers."""
+    contact = saved.state.contact
+    if contact is None:
+        return saved
+    touch = dict(zip(model.contacts, contact.touch.values(), strict=True))
+    return replace(saved, state=replace(saved.state, contact=replace(contact, touch=touch)))
+
+
 def read_checkpoint(path: pathlib.Path) -> tuple[str, Checkpoint, dict[str, Any]]:
-    """What identifies the scene, the checkpoint, and the counters until then. SceneError if there is none."""
+    """What identifies the scene, the checkpoint (see `with_terms`), and the counters until then. SceneError if there is
+    none."""
     try:
         content = path.read_bytes()
     except FileNotFoundError:
@@ -168,7 +210,7 @@ def read_checkpoint(path: pathlib.Path) -> tuple[str, Checkpoint, dict[str, Any]
     about, arrays = unpack(data)
     lists = {name: tuple(arrays[f"{name}_{k}"] for k in range(n)) for name, n in about["lists"].items()}
     saved = Checkpoint(
-        State(about["t"], arrays["r"], arrays["q"], lists["stress"]),
+        State(about["t"], arrays["r"], arrays["q"], lists["stress"], contact=_contact(about, arrays)),
         Rates(arrays["v"], arrays["a"], arrays["b"]),
         about["h"],
         about["wanted_h"],
@@ -179,6 +221,7 @@ def read_checkpoint(path: pathlib.Path) -> tuple[str, Checkpoint, dict[str, Any]
         lists["strain_before"],
         about["strain_step"],
         about["kept"],
+        about["largest_energy"],
         [(t, h, error, bool(accepted)) for t, h, error, accepted in arrays["log"].tolist()],
     )
     return about["scene"], saved, about["counters"]

@@ -1,12 +1,14 @@
 """What is kept? Accepted states, reactions, how each was found, and what can be asked of them.
 
 Rule: a history answers questions and calls no solver. Rows follow time; arrays along a rod follow its arc length; forces
-and moments of supports are those ON the rod, in space, the moment about the supported point.
+and moments of supports are those ON the rod, in space, the moment about the supported point. Of contact, forces on rods are
+those ON the rod, and loads of parts those ON the part, about the place to which its motion has carried the drawn origin.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import Any, Literal
 
 import numpy as np
@@ -21,6 +23,7 @@ from .rod import Rod
 from .space import State
 from .support import Support
 from .terms.inertial import Rates
+from .terms.touch import Pressed
 
 LEDGER = 0.01  # part of the largest energy that may be missing without a warning
 
@@ -29,7 +32,8 @@ LEDGER = 0.01  # part of the largest energy that may be missing without a warnin
 class Record:
     """One accepted state: reactions (supports, 6), iterations, relative residual, negative eigenvalues or -1.
 
-    Of a run in time also the rates, and the work [J] done since the start by each term and by driven ends.
+    Of a run in time also the rates, and the work [J] done since the start by each term and by driven ends. Of a model with
+    contact what each of its terms does.
     """
 
     state: State
@@ -39,6 +43,30 @@ class Record:
     negative: int
     rates: Rates | None = None
     work: dict[str, float] | None = None
+    contact: tuple[Pressed, ...] = ()
+
+
+@dataclass(frozen=True)
+class Event:
+    """A contact term touches, at stations that follow each other.
+
+    name, rod, other : of the term and of what touches; begin, end [s] : first and last of the stations
+    peak [N/m], peak_t [s], peak_s [m] : largest line force, when and where; s0, s1 [m] : stretch of the rod that touched
+    gap [m] : smallest between the surfaces; lost [J] : by friction from the station before it to its last one
+    """
+
+    name: str
+    rod: str
+    other: str
+    begin: float
+    end: float
+    peak: float
+    peak_t: float
+    peak_s: float
+    s0: float
+    s1: float
+    gap: float
+    lost: float
 
 
 @dataclass(eq=False)
@@ -159,15 +187,14 @@ class History:
         return np.array([record.state.r[node] for record in self.records])
 
     def hinge_torque(self, part: Part | str) -> np.ndarray:
-        """Torque (T,) [N m] about a part's hinge axis that a drive must supply against the rods.
+        """Torque (T,) [N m] about a part's hinge axis that a drive must supply against the rods, contact included.
 
-        z . (r x F + M) summed over the part's supports, F and M on the rod, r from the axis.
+        z . (r x F + M) summed over the part's supports, F and M on the rod, r from the axis; plus `contact_torque`.
         """
-        part = self._part(part)
-        if not isinstance(part.motion, Hinge):
-            raise ValueError(f"hinge_torque: part {part.name!r} has no hinge.")
-        hinge = part.motion
-        total = np.zeros(len(self.records))
+        part = self.part(part)
+        hinge = _hinge("hinge_torque", part)
+        touched = any(getattr(term, "part", None) is part for term in self.model.contacts)
+        total = self.contact_torque(part) if touched else np.zeros(len(self.records))
         for support in self.model.supports:
             if support.to is part:
                 load = self.reaction(support)
@@ -177,10 +204,95 @@ class History:
 
     def hinge_angle(self, part: Part | str) -> np.ndarray:
         """Angle (T,) [rad] of a part's hinge."""
-        part = self._part(part)
-        if not isinstance(part.motion, Hinge):
-            raise ValueError(f"hinge_angle: part {part.name!r} has no hinge.")
-        return np.array([part.motion.angle_at(t) for t in self.t])
+        hinge = _hinge("hinge_angle", self.part(part))
+        return np.array([hinge.angle_at(t) for t in self.t])
+
+    def pressed(self, name: str) -> list[Pressed]:
+        """What one contact term does at each state, by its name."""
+        term = _find("contact", name, {term.name: term for term in self.model.contacts})
+        return self._pressed(self.model.contacts.index(term))
+
+    def contact_load(self, part: Part | str, name: str | None = None) -> np.ndarray:
+        """Force and moment (T, 6) [N, N m] of the rods that touch a part on it, in space, about the part's origin.
+
+        The origin in which it is drawn, carried along by its motion. name: of one contact term only.
+        """
+        part = self.part(part)
+        load = self._load_about_origin(part, name)
+        origin = np.array([part.pose(float(t))[1] for t in self.t]).reshape(-1, 3)
+        load[:, 3:] -= np.cross(origin, load[:, :3])
+        return load
+
+    def contact_torque(self, part: Part | str, name: str | None = None) -> np.ndarray:
+        """Torque (T,) [N m] about a part's hinge axis that a drive must supply against the rods that touch the part.
+
+        name: of one contact term only.
+        """
+        part = self.part(part)
+        hinge = _hinge("contact_torque", part)
+        load = self._load_about_origin(part, name)
+        return -(load[:, 3:] - np.cross(hinge.point, load[:, :3])) @ hinge.axis
+
+    def contact_force(self, rod: Rod | str) -> np.ndarray:
+        """Force and moment (T, N, 6) [N, N m] of everything that a rod touches on its nodes, in space."""
+        rod = self.rod(rod)
+        nodes, space = self.model.space[rod].nodes, self.model.space
+        total = np.zeros((len(self.records), space.n_nodes, 6))
+        for k, term in enumerate(self.model.contacts):
+            if rod in term.rods:
+                for row, told in zip(total, self._pressed(k), strict=True):
+                    np.add.at(row, told.nodes, told.force)
+        total = total[:, nodes]
+        total[..., 3:] = np.einsum("tnij,tnj->tni", self.directors(rod), total[..., 3:])
+        return total
+
+    def line_force(self, rod: Rod | str) -> np.ndarray:
+        """Force per length (T, N, 3) [N/m] of everything that a rod touches, in space: of a node over the node's share.
+
+        A place that is pressed shares its force among the nodes of its element; `contacts` knows the pressure itself.
+        """
+        rod = self.rod(rod)
+        return self.contact_force(rod)[..., :3] / self.model.space.share(rod)[:, None]
+
+    def friction_work(self, name: str) -> np.ndarray:
+        """Work (T,) [J] lost by friction in one contact term since the start."""
+        return np.array([told.lost for told in self.pressed(name)])
+
+    def contacts(self) -> list[Event]:
+        """When each contact term touches, in order of time."""
+        events = []
+        for k in range(len(self.model.contacts)):
+            rows = list(enumerate(self._pressed(k)))
+            for touches, run in groupby(rows, lambda row: len(row[1].spans) > 0):
+                if touches:
+                    events.append(self._event(list(run), rows))
+        return sorted(events, key=lambda event: event.begin)
+
+    def _event(self, touching: list[tuple[int, Pressed]], rows: list[tuple[int, Pressed]]) -> Event:
+        """From the stations at which a term touches, and all stations."""
+        (begin, first), (end, last) = touching[0], touching[-1]
+        top, strongest = max(touching, key=lambda row: row[1].peak)
+        spans = np.concatenate([told.spans for _, told in touching])
+        lost = last.lost - (rows[begin - 1][1].lost if begin > 0 else 0.0)
+        return Event(
+            first.name, first.rod, first.other, float(self.t[begin]), float(self.t[end]),
+            strongest.peak, float(self.t[top]), strongest.peak_s,
+            float(spans[:, 0].min()), float(spans[:, 1].max()), min(told.gap for _, told in touching), lost,
+        )  # fmt: skip
+
+    def _pressed(self, k: int) -> list[Pressed]:
+        """What contact term number k does at each state."""
+        if any(len(record.contact) != len(self.model.contacts) for record in self.records):
+            raise ValueError("history: its states do not say what contact does.")
+        return [record.contact[k] for record in self.records]
+
+    def _load_about_origin(self, part: Part, name: str | None) -> np.ndarray:
+        """Force and moment (T, 6) of rods on a part that they touch, about the origin of space."""
+        total = np.zeros((len(self.records), 6))
+        for k, term in enumerate(self.model.contacts):
+            if getattr(term, "part", None) is part and name in (None, term.name):
+                total += np.array([told.load for told in self._pressed(k)]).reshape(-1, 6)
+        return total
 
     @property
     def energy(self) -> np.ndarray:
@@ -321,12 +433,20 @@ class History:
         """A rod of the model, by itself or by name."""
         return _find("rod", rod, {r.name: r for r in self.model.rods})
 
-    def _part(self, part: Part | str) -> Part:
+    def part(self, part: Part | str) -> Part:
+        """A part of the model, by itself or by name."""
         return _find("part", part, {p.name: p for p in self.model.parts})
 
     def _support(self, support: Support | str) -> int:
         found = _find("support", support, {str(h.name): h for h in self.model.supports})
         return self.model.supports.index(found)
+
+
+def _hinge(where: str, part: Part) -> Hinge:
+    """The hinge of a part; ValueError if it has none."""
+    if not isinstance(part.motion, Hinge):
+        raise ValueError(f"{where}: part {part.name!r} has no hinge.")
+    return part.motion
 
 
 def _find(kind: str, wanted: Any, known: dict[str, Any]) -> Any:

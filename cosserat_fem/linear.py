@@ -132,32 +132,35 @@ class LinearSolver:
 
     def _solve_whole(self, matrix: csc_matrix, g: np.ndarray, held: Held, symmetric: bool) -> Solution:
         """Solve with the whole tangent: rods that touch are no chains."""
-        c, n = self.constraints, 6 * self.space.n_nodes
-        following = np.zeros(self.space.n_nodes, dtype=bool)
-        following[c.nodes[c.n_supports :]] = True
-        lead = np.arange(self.space.n_nodes)
-        lead[c.nodes[c.n_supports :]] = c.lead
-        T = np.tile(np.eye(6), (self.space.n_nodes, 1, 1))
-        if c.transforms:
-            T[c.nodes] = held.T
-        rows = np.arange(n).reshape(-1, 6, 1) + np.zeros((1, 1, 6), dtype=np.int64)
-        columns = 6 * lead[:, None, None] + np.arange(6)[None, None, :] + np.zeros((1, 6, 1), dtype=np.int64)
-        B = coo_matrix((T.ravel(), (rows.ravel(), columns.ravel())), shape=(n, n)).tocsc()
-        K = (B.T @ matrix @ B).tolil() if len(held.at) else B.T @ matrix @ B
+        c = self.constraints
+        K, b = matrix, -g.ravel()
+        B = self._increments(held) if c.transforms else None
+        if B is not None:
+            K, b = (B.T @ K @ B).tocsc(), B.T @ b
         for at, couple in zip(held.at, held.couples, strict=True):
-            rows_at = slice(6 * c.nodes[at], 6 * c.nodes[at] + 6)
-            K[rows_at, rows_at] += couple
+            dofs = 6 * c.nodes[at] + np.arange(6)
+            K = csc_matrix(K + coo_matrix((couple.ravel(), (np.repeat(dofs, 6), np.tile(dofs, 6))), shape=K.shape))
         y, fixed = np.zeros((self.space.n_nodes, 6)), np.zeros((self.space.n_nodes, 6), dtype=bool)
-        fixed[following] = True
+        fixed[c.nodes[c.n_supports :]] = True  # welded ones follow their leader
         fixed[c.support_node] = c.held[: c.n_supports]
         y[c.support_node] = held.gap[: c.n_supports]
-        y, fixed = y.ravel(), fixed.ravel()
-        K = csc_matrix(K)
-        b = -(B.T @ g.ravel()) - K @ y
-        free = np.flatnonzero(~fixed)
-        y[free], negative = solve_sparse(K[:, free][free], b[free], symmetric)
-        self.du[...] = (B @ y).reshape(-1, 6)
+        flat, free = y.ravel(), np.flatnonzero(~fixed)
+        columns = K[:, free]
+        b = b - K @ flat
+        flat[free], negative = solve_sparse(columns.tocsr()[free].tocsc(), b[free], symmetric)
+        self.du[...] = (flat if B is None else B @ flat).reshape(-1, 6)
         return Solution(self.du, negative, largest_increment(self.du)[2], "splu")
+
+    def _increments(self, held: Held) -> csc_matrix:
+        """Node increments (6 N) from the unknowns y of special vertices and their leaders."""
+        c, N = self.constraints, self.space.n_nodes
+        lead = np.arange(N)
+        lead[c.nodes[c.n_supports :]] = c.lead
+        T = np.tile(np.eye(6), (N, 1, 1))
+        T[c.nodes] = held.T
+        rows = np.broadcast_to(np.arange(6 * N).reshape(N, 6, 1), T.shape)
+        columns = np.broadcast_to(6 * lead[:, None, None] + np.arange(6), T.shape)
+        return coo_matrix((T.ravel(), (rows.ravel(), columns.ravel())), shape=(6 * N, 6 * N)).tocsc()
 
     def _solve_joints(
         self, state: State, vertex_rhs: np.ndarray, held: Held, symmetric: bool

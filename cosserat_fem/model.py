@@ -16,7 +16,7 @@ from itertools import pairwise
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from scipy.sparse import coo_matrix, csc_matrix, diags_array
+from scipy.sparse import coo_matrix, csc_matrix
 
 from .constraint import Constraints
 from .errors import SceneError, nearest
@@ -321,11 +321,10 @@ class Model:
             sets.append((self.space.groups[k].conn[np.argsort(touched)[-len(blocks) :]], blocks))
         if len(nodal):
             sets.append((np.arange(self.space.n_nodes)[:, None], nodal))
-        sets += [(blocks.nodes, blocks.stiffness) for blocks in outside.coupled]
-        n = 6 * self.space.n_nodes
-        total = csc_matrix((n, n))
+        sets += [(blocks.nodes, blocks.stiffness) for blocks in outside.coupled]  # type: ignore[misc]
         if mu > 0.0:
-            total += diags_array(mu * self.shift.ravel())
+            sets.append((np.arange(self.space.n_nodes)[:, None], mu * self.shift[:, :, None] * np.eye(6)))
+        n = 6 * self.space.n_nodes
         rows, columns, values = [], [], []
         for nodes, K in sets:
             dofs = (6 * nodes[:, :, None] + np.arange(6)).reshape(len(nodes), -1)
@@ -333,7 +332,7 @@ class Model:
             columns.append(np.broadcast_to(dofs[:, None, :], K.shape).ravel())
             values.append(K.ravel())
         entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-        return total + coo_matrix(entries, shape=(n, n)).tocsc()
+        return coo_matrix(entries, shape=(n, n)).tocsc()
 
     def matrix(self, state: State) -> csc_matrix:
         """Full tangent (6 N, 6 N) before supports: the plain sum of all blocks."""

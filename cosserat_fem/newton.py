@@ -37,6 +37,7 @@ NO_PLACES = (np.empty((0, 3)), np.empty((0, 4)))
 LARGEST_TURN = 0.8  # rad in one guarded step
 FARTHEST = 0.2  # rod lengths in one step with contact
 SHORT = 0.05  # part of a guarded step; one cut to less was a bad one, and the shift grows
+PATIENCE, SHORTER = 4, (1.0, 0.5, 0.25, 0.1, 0.03)  # iterations without progress; parts of a step then tried
 ITERATIONS, TOUCHING = 20, 60  # of a plain solve, without and with contact
 SMALLEST_SHIFT = 1e-6
 
@@ -128,6 +129,7 @@ class Newton:
         moments = np.zeros((constraints.n_supports, 3)) if constraints.tilted else None
         negative, residual, before, where, k, cheap = -1, np.inf, np.inf, 0, 0, False
         symmetric = model.symmetric  # of the last tangent
+        best, stalled = np.inf, 0
         small = near = False  # the last increment; the one before the last factorisation
         total = Sum(np.zeros((model.space.n_nodes, 6)), 0.0, 0.0)
 
@@ -193,11 +195,17 @@ class Newton:
                     moved = model.space.update(state, du, scale)
                 else:
                     scale = min(scale, FARTHEST * model.scales["length"] / max(shift, 1e-300))
+                    stalled = stalled + 1 if residual > 0.5 * best else 0
+                    best = min(best, residual) if approach.arrived(state) else np.inf
+                    if stalled > PATIENCE:  # friction that sticks and slips in turn
+                        scale *= self._downhill(state, du, scale, targets, offset, step, tolerance, residual)
                     moved, scale = approach.move(state, du, scale, stiffen=step is None)
                     if scale == 0.0:
                         return stop(approach.blocked(state))
                     if guarded and scale < SHORT:
                         mu = max(1.0, 4.0 * mu)
+                        if mu > 1e12:
+                            return stop(approach.blocked(state))
             except KardanError as error:
                 return stop(str(error))
             if scale < 1.0:  # the memory is an unknown of the mixed method: it takes the same part of its step
@@ -208,6 +216,24 @@ class Newton:
             cheap = scale == 1.0 and small and mu <= SMALLEST_SHIFT
             if guarded and scale == 1.0:
                 mu = mu / 4.0 if mu >= 4e-3 else SMALLEST_SHIFT
+
+    def _downhill(
+        self, state: State, du: np.ndarray, scale: float, targets: Targets, offset: np.ndarray | None,
+        step: Step | None, tolerance: float, residual: float,
+    ) -> float:  # fmt: skip
+        """Part of an increment after which the residual is smaller; of SHORTER the last one if it never is."""
+        part = 1.0
+        for part in SHORTER:
+            trial, taken = self.approach.move(state, du, part * scale, stiffen=False)  # type: ignore[union-attr]
+            if taken == 0.0:
+                break
+            total = self.model.residual(trial, step=step)
+            if offset is not None:
+                total.g[...] += offset
+            held = self.model.constraints.evaluate(trial, targets)
+            if self._measure(trial, total, held, step, tolerance)[0] < residual * (1.0 - 0.1 * part):
+                break
+        return part
 
     def response(self, state: State, load: np.ndarray, *, step: Step | None = None) -> np.ndarray:
         """Increment du (N, 6) of the linearised model under a load (N, 6), supports standing still."""

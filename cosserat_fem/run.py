@@ -15,7 +15,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -24,12 +24,14 @@ from typing import Any
 
 import numpy as np
 
-from .checks import bend_radius, distance_from_drawing, worst
+from .checks import bend_radius, clearance, distance_from_drawing, worst
 from .dynamics import RigidVelocity, solve_dynamic
 from .errors import ConvergenceError, CosseratError, SceneError, one_line, out_of_memory
 from .export import (
     hinged_parts,
     replace_file,
+    write_contact_loads,
+    write_contacts,
     write_hinge_torque,
     write_history,
     write_ledger,
@@ -37,18 +39,19 @@ from .export import (
     write_reactions,
     write_steps,
 )
-from .folder import PROGRAM, RESULTS, RunFolder
-from .frames import CHECKPOINT, FRAMES, FrameFile, read_checkpoint, read_frames, write_checkpoint
+from .folder import PROGRAM, RESULTS, TOUCHING, RunFolder
+from .frames import CHECKPOINT, FRAMES, FrameFile, read_checkpoint, read_frames, with_terms, write_checkpoint
 from .history import History, Record
 from .integrator import AdaptiveStep, Checkpoint, FixedStep, Run
 from .kernels import CompileClock
-from .mechanism import Hinge
+from .mechanism import Hinge, Part
 from .scene import Scene, load_scene
 from .space import State
 from .statics import solve_quasistatic, solve_static
 
 PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "pyvista", "vtk", "h5py", "pyamg")
 COUNTED = ("iterations", "residuals")  # counters that go on in a resumed run
+NEARBY = 3.0  # radii on both sides of a support on a part: clearance from the part is not looked at there
 SAVE_EVERY = 3.0  # s of wall time between checkpoints of a run in time
 
 
@@ -143,9 +146,10 @@ def run_scene(
     except OSError as error:  # the only other files of a solution are those of the compiler
         reason = f"compiled kernels could not be kept: {_why(error)}. Set NUMBA_CACHE_DIR to a folder with space"
     except SceneError as error:
+        error = scene.placed(error)
         with suppress(OSError):
             writer.summary("refused", str(error))
-        raise
+        raise error from None
     phases.wall["compile"] = round(clock.seconds, 4)
     if history is not None and not len(history):
         history = None
@@ -244,6 +248,7 @@ def _solve_in_time(
                 f"{folder}: its scene or a file it reads was changed since the run began; start again with "
                 "`cosserat-fem run`."
             )
+        saved = with_terms(saved, scene.model)
         _, before = read_frames(folder / FRAMES, saved.kept)
     extrapolated = table.dt is not None and table.richardson
     frames = None if extrapolated else FrameFile(folder / FRAMES, identity, saved.kept if saved else None)
@@ -327,6 +332,8 @@ class _Writer:
             partial(write_parts, parts=self.scene.parts),
         )
         named = dict(zip(RESULTS, writers, strict=True))
+        if history.model.contacts:
+            named |= dict(zip(TOUCHING, (write_contacts, write_contact_loads), strict=True))
         if history.dynamic:
             named |= {"ledger.csv": write_ledger, "steps.csv": write_steps}
         for name, write in named.items():
@@ -349,7 +356,7 @@ class _Writer:
             "reason": reason,
         }
         if history is not None and len(history):
-            data |= describe(history)
+            data |= describe(history, self.scene.parts)
         data |= {
             "warnings": self.scene.model.warnings,
             "seconds": {"wall": self.phases.wall, "cpu": self.phases.cpu},
@@ -359,9 +366,14 @@ class _Writer:
         self.text("summary.json", json.dumps(data, indent=2) + "\n")
 
 
-def describe(history: History) -> dict[str, Any]:
-    """What a summary says of a history: counters, residual, strains, bend radius, distances, peaks, active physics."""
+def describe(history: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
+    """What a summary says of a history: counters, residual, strains, bend radius, distances, peaks, active physics.
+
+    parts: those that rods should stay clear of, besides those that they may touch.
+    """
     model = history.model
+    contacts = {term.name: _describe_contact(history, term.name) for term in model.contacts}
+    clear = _clearances(history, parts)
     terms = [model.internal.name, *(term.name for term in model.terms)]
     return {
         "stations": {"kept": len(history), "first": float(history.t[0]), "last": float(history.t[-1])},
@@ -378,6 +390,8 @@ def describe(history: History) -> dict[str, Any]:
         "rods": {rod.name: _describe_rod(history, rod) for rod in model.rods},
         "reactions": {str(h.name): _describe_reaction(history, h) for h in model.supports},
         "hinges": {part.name: _describe_hinge(history, part) for part in hinged_parts(history)},
+        **({"contacts": contacts} if contacts else {}),
+        **({"clearances": clear} if clear else {}),
     }
 
 
@@ -450,6 +464,48 @@ def _describe_hinge(history: History, part: Any) -> dict[str, Any]:
         "largest_torque": {"value": float(torque[k]), "angle_deg": float(angle[k]), "t": float(history.t[k])},
         "last_torque": float(torque[-1]),
     }
+
+
+def _describe_contact(history: History, name: str) -> dict[str, Any]:
+    """When a contact touches, its largest line force and load, the work that friction took, the smallest gap."""
+    told, t = history.pressed(name), history.t
+    events = [event for event in history.contacts() if event.name == name]
+    peak = max(range(len(told)), key=lambda k: told[k].peak)
+    force = np.linalg.norm([p.load[:3] for p in told], axis=1)
+    gap = min(range(len(told)), key=lambda k: told[k].gap)
+    near = np.isfinite(told[gap].gap)
+    return {
+        "between": [told[0].rod, told[0].other],
+        "touches": [[event.begin, event.end] for event in events],
+        "largest_line_force": {"value": told[peak].peak, "s": told[peak].peak_s, "t": float(t[peak])},
+        "largest_force": {"value": float(force.max()), "t": float(t[np.argmax(force)])},
+        "friction_work": told[-1].lost,
+        "smallest_gap": {"value": told[gap].gap, "s": told[gap].gap_s, "t": float(t[gap])} if near else None,
+    }
+
+
+def _clearances(history: History, parts: Sequence[Part]) -> dict[str, Any]:
+    """Smallest distance of each rod from each part with a surface that it may not touch.
+
+    Within a few radii of a support on the part it is not looked at: there it is meant to be close.
+    """
+    touched = {(rod, term.part) for term in history.model.contacts if hasattr(term, "part") for rod in term.rods}
+    out: dict[str, Any] = {}
+    for rod in history.model.rods:
+        for part in parts:
+            if (rod, part) in touched or not (part.shapes or part.mesh is not None):
+                continue
+            held = [h.rod.place(h.at, "support") for h in history.model.supports if h.rod is rod and h.to is part]
+            beside = [NEARBY * float(rod.radius_at(np.array([s]))[0]) for s in held]
+            spans = [(s - a, s + a) for s, a in zip(held, beside, strict=True)]
+            values = clearance(history, rod, part, leave_out=spans)
+            k = int(np.argmin(values))
+            if np.isfinite(values[k]):
+                said: dict[str, Any] = {"value": float(values[k]), "t": float(history.t[k])}
+                if spans:
+                    said["left_out"] = [[max(a, 0.0), min(b, float(rod.length))] for a, b in spans]
+                out.setdefault(rod.name, {})[part.name] = said
+    return out
 
 
 @dataclass(frozen=True)

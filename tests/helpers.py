@@ -21,3 +21,22 @@ def curved_space(order, *, coupled=False, rotation="quaternion", n_elements=5, s
     state = model.space.update(state, du)
     memory = tuple(m + 0.3 * rng.normal(size=m.shape) for m in state.stress)
     return model, cf.State(0.0, state.r, state.q, memory, state.angles)
+
+
+def write_obj(path, points, triangles):
+    """Write a triangle mesh as an OBJ file, all digits kept."""
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(points, dtype=float).tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (np.asarray(triangles) + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def centreline(model, rod, state, count):
+    """Places (S, 3) [m] of a rod's centreline, `count` to an element and its end: Lagrange polynomials, written out."""
+    nodes, order = model.space[rod].nodes, rod.order
+    x = np.polynomial.Legendre.basis(order).deriv().roots().real
+    x = 0.5 * (1 + np.concatenate([[-1], np.sort(x), [1]]))
+    xi = np.arange(count) / count
+    N = [np.prod([(xi - x[j]) / (x[i] - x[j]) for j in range(order + 1) if j != i], axis=0) for i in range(order + 1)]
+    local = np.arange(0, len(nodes) - 1, order)[:, None] + np.arange(order + 1)
+    places = np.einsum("ak,eai->eki", np.broadcast_to(N, (order + 1, count)), state.r[nodes[local]])
+    return np.concatenate([places.reshape(-1, 3), state.r[nodes[-1:]]])

@@ -447,3 +447,88 @@ def test_missing_opengl_is_explained(monkeypatch, tmp_path):
     assert "killed" in run.draw(tmp_path).problem
     Died.returncode = -2
     assert "interrupted" in run.draw(tmp_path).problem
+
+
+CONTACT = """
+[[section]]
+name = "s"
+kind = "round"
+diameter = "4 mm"
+youngs_modulus = "50 MPa"
+
+[[rod]]
+name = "cable"
+section = "s"
+points = [[0, 0, 0], [0.2, 0, 0]]
+n_elements = 12
+
+[[part]]
+name = "post"
+shape = { kind = "cylinder", start = [0.1, 0.012, -0.05], end = [0.1, 0.012, 0.05], radius = "8 mm" }
+motion = { kind = "slider", axis = [0, -1, 0], travel = "5 mm/s" }
+
+[[part]]
+name = "wall"
+shape = { kind = "box", center = [0, 0, 0], edges = ["20 mm", "20 mm", "20 mm"] }
+
+[[support]]
+kind = "clamp"
+rod = "cable"
+at = "start"
+to = "wall"
+
+[[support]]
+kind = "clamp"
+rod = "cable"
+at = "end"
+
+[[contact]]
+kind = "part"
+rod = "cable"
+part = "post"
+friction = 0.3
+
+[solve]
+kind = "quasistatic"
+duration = "5 s"
+
+[output]
+every = "1 s"
+"""
+
+
+def test_contact_scene(tmp_path, monkeypatch, capsys):
+    """A post is pushed into a cable: tables of contact beside the others, peaks and clearances in the summary."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "s.toml").write_text(CONTACT)
+    assert main(["run", "s.toml", "--no-pictures"]) == 0
+    said = capsys.readouterr().out
+    assert "contact cable-post: line force up to" in said
+    out = tmp_path / "out" / "s"
+    assert sorted(p.name for p in out.iterdir()) == [
+        "contact_loads.csv", "contacts.csv", "hinge_torque.csv", "history.vtkhdf", "parts.vtkhdf", "reactions.csv",
+        "scene.toml", "summary.json",
+    ]  # fmt: skip
+    summary = json.loads((out / "summary.json").read_text())
+    contact = summary["contacts"]["cable-post"]
+    assert contact["between"] == ["cable", "post"]
+    assert contact["touches"] == [[1.0, 5.0]]
+    assert contact["largest_force"]["t"] == 5.0
+    assert contact["largest_line_force"]["value"] > 10
+    assert contact["smallest_gap"]["value"] == pytest.approx(0, abs=1e-3 * 0.002)
+    clear = summary["clearances"]["cable"]
+    assert list(clear) == ["wall"]  # what may be touched has its gap
+    assert clear["wall"]["value"] == pytest.approx(-0.004 - 0.002, abs=1e-4)  # 6 mm from the clamp it is inside still
+    assert clear["wall"]["left_out"] == [[0.0, pytest.approx(0.006)]]
+    assert main(["export", "out/s", "--format", "pvd"]) == 0
+    assert main(["run", "s.toml", "--no-pictures", "-q"]) == 0  # our own files do not hinder the next run
+    (tmp_path / "s.toml").write_text(CONTACT.replace("[0.1, 0.012,", "[0.1, 0.002,"))
+    assert main(["run", "s.toml", "--no-pictures"]) == 2
+    assert "s.toml:34: contact 1: rod 'cable': at s = 0.1 m it is" in capsys.readouterr().err
+    assert json.loads((out / "summary.json").read_text())["status"] == "refused"
+
+
+def test_summary_of_a_scene_without_contact_does_not_speak_of_it(scene, tmp_path):
+    assert main(["run", "s.toml", "--no-pictures", "-q"]) == 0
+    summary = json.loads((tmp_path / "out" / "s" / "summary.json").read_text())
+    assert not {"contacts", "clearances"} & set(summary)

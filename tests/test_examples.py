@@ -49,6 +49,36 @@ def test_hanging_cable(tmp_path):
     assert pull == pytest.approx(0.222356, rel=1e-5)
 
 
+def test_cable_through_ring(tmp_path):
+    """The ring carries what wall and slider do not, and holds the cable back; the pull grows."""
+    rows = run_scene("cable_through_ring.toml", tmp_path)
+    with open(tmp_path / "out" / "contact_loads.csv", newline="") as file:
+        loads = list(csv.DictReader(file))
+    ring = np.array([[float(row[c]) for c in ("Fx", "Fy", "Fz")] for row in loads])
+    np.testing.assert_allclose(rows["wall"][:, 1:4] + rows["pull"][:, 1:4], ring, atol=1e-6)
+    with open(tmp_path / "out" / "contacts.csv", newline="") as file:
+        [event] = list(csv.DictReader(file))
+    assert float(event["s0"]) < float(event["s1"]) - 0.018  # it was pulled through by that much
+    assert float(event["friction_work"]) > 1e-3
+    assert np.linalg.norm(rows["pull"][-1, 1:4]) > 2 * np.linalg.norm(rows["pull"][10, 1:4])
+
+
+def test_hinge_with_bracket(tmp_path):
+    """Out and back the drive does the work of friction; away from the bracket it is the hinge without one."""
+    rows = run_scene("hinge_with_bracket.toml", tmp_path)
+    assert len(rows["fixed end"]) == 131
+    with open(tmp_path / "out" / "hinge_torque.csv", newline="") as file:
+        torque = np.array([[float(row["angle_deg"]), float(row["torque"])] for row in csv.DictReader(file)])
+    out, back = torque[:66], torque[65:][::-1]
+    np.testing.assert_allclose(out[:55, 1], back[:55, 1], rtol=1e-6)
+    assert out[48, 1] == pytest.approx(33.6577, abs=2e-3)  # by collocation, without a bracket
+    assert (out[60:65, 1] > back[60:65, 1] + 0.03).all()
+    loop = (0.5 * (torque[1:, 1] + torque[:-1, 1]) * np.diff(np.radians(torque[:, 0]))).sum()
+    with open(tmp_path / "out" / "contact_loads.csv", newline="") as file:
+        lost = float(list(csv.DictReader(file))[-1]["friction_work"])
+    assert loop == pytest.approx(lost, rel=0.05)  # stations are 1 deg apart
+
+
 def test_helix():
     assert run_script("helix_from_moment.py") < 1e-6
 
@@ -99,6 +129,32 @@ def test_flying_spaghetti():
 def test_spin_up():
     """By spectral elements -0.571312 m at 7 s; the largest is a little earlier."""
     assert run_script("spin_up.py") == pytest.approx(0.576, abs=0.002)
+
+
+def test_capstan():
+    """The ratio of the forces is that of a rope of finite radius."""
+    assert run_script("capstan.py") < 1e-3
+
+
+def test_crossing_cables():
+    """Coulomb's coefficient as the slip begins."""
+    assert run_script("crossing_cables.py") == pytest.approx(0.3, rel=2e-3)
+
+
+def test_twist_to_plectoneme():
+    """Greenhill's torque; steps of the turn are 0.0075 pi apart."""
+    assert run_script("twist_to_plectoneme.py") == pytest.approx(2.8606, abs=0.0075)
+
+
+@pytest.mark.slow
+def test_rope_on_floor(tmp_path):
+    """It comes to rest: the floor carries its weight, and nothing else."""
+    run_scene("rope_on_floor.toml", tmp_path)
+    with open(tmp_path / "out" / "contact_loads.csv", newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["part"] == "floor"]
+    load = [float(rows[-1][c]) for c in ("Fx", "Fy", "Fz")]
+    rope = cf.load_scene(EXAMPLES / "rope_on_floor.toml").model
+    np.testing.assert_allclose(load, [0, 0, -9.81 * rope.space.node_mass.sum()], atol=0.01)
 
 
 def test_readme():

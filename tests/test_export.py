@@ -113,6 +113,20 @@ def test_parts_that_hold_nothing_are_written_if_given(run, tmp_path):
     np.testing.assert_allclose(stored.fields.points[2, 4:].max(axis=0), 1)
 
 
+def test_shapes_are_drawn(run, tmp_path):
+    """A part without a mesh is seen by its shapes; a plane by a square as wide as the longest rod."""
+    _, history = run
+    plane = cf.Part("floor", shape=cf.Plane((0, 0, -1), (0, 0, 1)))
+    export.write_parts(
+        history, tmp_path / "parts.vtkhdf", [plane, cf.Part("bare"), cf.Part("b", shape=cf.Sphere((0, 0, 0), 1))]
+    )
+    stored = export.read_history(tmp_path / "parts.vtkhdf")
+    assert stored.about["parts"] == ["floor", "b"]
+    width = max(rod.length for rod in history.model.rods)
+    np.testing.assert_allclose(np.ptp(stored.fields.points[0, :4], axis=0), (width, width, 0), atol=1e-7)
+    assert (stored.fields.cell_data["part"][0] == 0).sum() == 2
+
+
 def test_stored_history_equals_fields(run):
     folder, history = run
     stored = export.read_history(folder / "history.vtkhdf")
@@ -187,3 +201,55 @@ def test_interrupted_write_leaves_the_old_file(tmp_path):
         export.replace_file(path, fail)
     assert path.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["x.txt"]
+
+
+@pytest.fixture(scope="module")
+def touching(tmp_path_factory):
+    """A bar that an arm's post is pushed into, two states of three; a second part is never near."""
+    section = cf.Section.round(0.004, youngs_modulus=50e6, poisson_ratio=0.4)
+    rod = cf.Rod("bar", section, [(0, 0, 0), (0.2, 0, 0)], n_elements=8)
+    post = cf.Cylinder((0.1, 0.012, -0.05), (0.1, 0.012, 0.05), 0.008)
+    arm = cf.Part("arm", motion=cf.Hinge((0.03, 0.08, 0), (0, 0, 1), ([0, 2], np.radians([0.0, -5.0]))), shape=post)
+    wall = cf.Part("wall", shape=cf.Plane((0, -1, 0), (0, 1, 0)))
+    contacts = [cf.PartContact(rod, arm, friction=0.3), cf.PartContact(rod, wall)]
+    history = cf.solve_quasistatic(
+        cf.Model([rod], [cf.Clamp(rod, "start"), cf.Clamp(rod, "end")], contacts), [0.0, 1.0, 2.0]
+    )
+    return tmp_path_factory.mktemp("touching"), history
+
+
+def test_contact_tables(touching):
+    """When and where; what it does to each part, with empty cells for what there is not."""
+    folder, history = touching
+    export.write_contacts(history, folder / "contacts.csv")
+    export.write_contact_loads(history, folder / "contact_loads.csv")
+    with open(folder / "contacts.csv", newline="") as file:
+        [row] = list(csv.DictReader(file))
+    [event] = history.contacts()
+    assert list(row) == [
+        "time_in", "time_out", "contact", "rod", "other",
+        "peak_force", "peak_time", "peak_s", "s0", "s1", "gap", "friction_work",
+    ]  # fmt: skip
+    assert (row["contact"], row["rod"], row["other"]) == ("bar-arm", "bar", "arm")
+    assert float(row["peak_force"]) == event.peak > 0
+    assert (float(row["time_in"]), float(row["time_out"])) == (1.0, 2.0)
+    with open(folder / "contact_loads.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["time"], row["contact"], row["part"]) for row in rows[:3]] == [
+        ("0.0", "bar-arm", "arm"), ("0.0", "bar-wall", "wall"), ("1.0", "bar-arm", "arm"),
+    ]  # fmt: skip
+    found = np.array([[float(row[c]) for c in ("Fx", "Fy", "Fz", "Mx", "My", "Mz")] for row in rows[::2]])
+    np.testing.assert_array_equal(found, history.contact_load("arm"))
+    np.testing.assert_array_equal([float(row["hinge_torque"]) for row in rows[::2]], history.contact_torque("arm"))
+    assert {row["hinge_torque"] for row in rows[1::2]} == {row["gap"] for row in rows[1::2]} == {""}
+    assert float(rows[-2]["friction_work"]) == history.friction_work("bar-arm")[-1] > 0
+
+
+def test_line_force_is_a_field_of_scenes_with_contact(touching, run):
+    folder, history = touching
+    export.write_history(history, folder / "history.vtkhdf")
+    mesh, _ = vtk_step(folder / "history.vtkhdf", 2)
+    np.testing.assert_allclose(mesh.point_data["contact_force"], history.line_force("bar")[2], rtol=1e-6)
+    assert np.abs(mesh.point_data["contact_force"]).max() > 1
+    assert "contact_force" not in export.fields(run[1]).point_data
+    assert "contact_force" in export.UNITS

@@ -272,3 +272,78 @@ def test_tiny_full_file_system(tmp_path):
         assert content(disk / "out") == whole
     finally:
         subprocess.run(["umount", str(disk)], check=False)
+
+
+def same(a, b):
+    """Two values of what contact says or remembers are equal, bit for bit."""
+    for name, value in vars(a).items():
+        if isinstance(value, np.ndarray):
+            other = getattr(b, name)
+            assert value.shape == other.shape and value.dtype == other.dtype
+            np.testing.assert_array_equal(value, other)
+        else:
+            assert value == getattr(b, name), name
+
+
+def test_records_with_contact_come_back(tmp_path):
+    """What contact terms do at a state survives the file of frames, empty arrays and infinite gaps too."""
+    from dataclasses import replace
+
+    import cosserat_fem as cf
+    from cosserat_fem.history import Record
+    from cosserat_fem.terms.inertial import Rates
+
+    section = cf.Section.round(0.004, youngs_modulus=50e6)
+    rod = cf.Rod("bar", section, [(0, 0, 0), (0.2, 0, 0)], n_elements=4)
+    post = cf.Part(
+        "post", shape=cf.Cylinder((0.1, 0.012, -1), (0.1, 0.012, 1), 0.008), motion=cf.Slider((0, -1, 0), 0.01)
+    )
+    far = cf.Part("far", shape=cf.Sphere((9, 0, 0), 1))
+    model = cf.Model(
+        [rod], [cf.Clamp(rod, "start"), cf.Clamp(rod, "end")], [cf.PartContact(rod, part, 0.1) for part in (post, far)]
+    )
+    history = cf.solve_quasistatic(model, [0.0, 1.0])
+    rates = Rates(*np.zeros((3, model.space.n_nodes, 6)))
+    records = [replace(record, rates=rates, work={"a": 1.0}) for record in history.records]
+    file = FrameFile(tmp_path / FRAMES, "x")
+    for record in records:
+        file.append(record)
+    file.append(Record(history.final, records[0].reactions, 1, 0.0, -1, rates, {}))
+    file.close()
+    _, back = read_frames(tmp_path / FRAMES)
+    assert back[2].contact == ()
+    assert len(records[1].contact[0].spans) == 1
+    for record, again in zip(records, back, strict=False):
+        for told, told_again in zip(record.contact, again.contact, strict=True):
+            same(told, told_again)
+
+
+def test_memory_of_contact_is_in_the_checkpoint(tmp_path):
+    """Slips, scales and works by term, in the order of the model."""
+    import cosserat_fem as cf
+    from cosserat_fem.frames import with_terms, write_checkpoint
+    from cosserat_fem.integrator import Checkpoint
+    from cosserat_fem.space import Contact, Touch
+    from cosserat_fem.terms.inertial import Rates
+
+    section = cf.Section.round(0.004, youngs_modulus=50e6)
+    rod = cf.Rod("bar", section, [(0, 0, 0), (0.2, 0, 0)], n_elements=4)
+    parts = [cf.Part(name, shape=cf.Sphere((0.1, 1, 0), 0.1)) for name in "ab"]
+    model = cf.Model([rod], [], [cf.PartContact(rod, part) for part in parts])
+    state = model.initial_state(0.5)
+    n = model.space.n_nodes
+    touch = {
+        model.contacts[0]: Touch(np.array([3, 7]), np.arange(6.0).reshape(2, 3), 0.1, 2.5),
+        model.contacts[1]: Touch(np.empty(0, dtype=np.int64), np.empty((0, 3)), 7.0),
+    }
+    state = cf.State(0.5, state.r, state.q, state.stress, contact=Contact(0.4, 0.3, state.r + 1, state.q, touch))
+    rates = Rates(*np.zeros((3, n, 6)))
+    saved = Checkpoint(state, rates, 0.1, 0.2, {}, [], np.zeros((n, 6)), (), (), 0.0, 3)
+    write_checkpoint(tmp_path / CHECKPOINT, "x", saved, {})
+    back = with_terms(read_checkpoint(tmp_path / CHECKPOINT)[1], model).state.contact
+    assert (back.time, back.base_time) == (0.4, 0.3)
+    np.testing.assert_array_equal(back.base_r, state.r + 1)
+    np.testing.assert_array_equal(back.base_q, state.q)
+    assert list(back.touch) == list(model.contacts)
+    for term in model.contacts:
+        same(touch[term], back.touch[term])

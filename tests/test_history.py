@@ -97,3 +97,98 @@ def test_empty_history():
     rod = cf.Rod("bar", section, [(0, 0, 0), (1, 0, 0)])
     with pytest.raises(ValueError, match="holds no state"):
         _ = cf.History(cf.Model([rod])).final
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """A bar held at both ends; an arm on a hinge carries a post into it and away again, with friction."""
+    section = cf.Section.round(0.004, youngs_modulus=50e6, poisson_ratio=0.4)
+    rod = cf.Rod("bar", section, [(0, 0, 0), (0.2, 0, 0)], n_elements=12)
+    angle = ([0, 4, 8], np.radians([0.0, -7.0, 0.0]))
+    post = cf.Cylinder((0.1, 0.012, -0.05), (0.1, 0.012, 0.05), 0.008)
+    arm = cf.Part("arm", motion=cf.Hinge((0.03, 0.08, 0), (0, 0, 2), angle), shape=post)
+    idle = cf.Part("idle", shape=cf.Sphere((0.1, -0.3, 0), 0.01))
+    terms = [cf.PartContact(rod, arm, friction=0.3), cf.PartContact(rod, idle)]
+    model = cf.Model([rod], [cf.Clamp(rod, "start"), cf.Clamp(rod, "end", free=["x"])], terms)
+    return cf.solve_quasistatic(model, np.arange(9.0))
+
+
+def test_contact_is_in_balance(pressed):
+    """Nodes, supports and part: forces and moments about the origin add up to nothing; nothing touches the idle part."""
+    nodal = pressed.contact_force("bar")
+    r = pressed.positions("bar")
+    force = nodal[..., :3].sum(1)
+    moment = (np.cross(r, nodal[..., :3]) + nodal[..., 3:]).sum(1)
+    load = pressed.contact_load("arm")
+    assert np.abs(force).max() > 0.05
+    np.testing.assert_allclose(force, -load[:, :3], atol=1e-12)
+    origin = np.array([pressed.part("arm").pose(t)[1] for t in pressed.t])
+    np.testing.assert_allclose(moment, -(load[:, 3:] + np.cross(origin, load[:, :3])), atol=1e-13)
+    for support in pressed.model.supports:
+        held = pressed.reaction(support)
+        force = force + held[:, :3]
+        moment = moment + np.cross(pressed.support_place(support), held[:, :3]) + held[:, 3:]
+    np.testing.assert_allclose(force, 0, atol=1e-7)
+    np.testing.assert_allclose(moment, 0, atol=1e-8)
+    assert not pressed.contact_load("idle").any()
+    share = pressed.model.space.share(pressed.rod("bar"))
+    np.testing.assert_allclose(pressed.line_force("bar") * share[:, None], nodal[..., :3], atol=1e-15)
+
+
+def test_drive_of_a_hinge_pays_for_contact(pressed):
+    """The drive's torque is the moment of what the part does to the rod about the axis, in the sense of a reaction; out and
+    back it does the work that friction takes, and what the bar stores between."""
+    nodal, r = pressed.contact_force("bar"), pressed.positions("bar")
+    arm = r - np.array((0.03, 0.08, 0))
+    expected = (np.cross(arm, nodal[..., :3]) + nodal[..., 3:]).sum(1)[:, 2]
+    torque = pressed.contact_torque("arm")
+    np.testing.assert_allclose(torque, expected, atol=1e-13)
+    np.testing.assert_array_equal(pressed.hinge_torque("arm"), torque)
+    np.testing.assert_array_equal(pressed.contact_torque("arm", "bar-arm"), torque)
+    assert torque.min() < -1e-4  # it must push the post into the bar, against the sense of the axis
+    with pytest.raises(ValueError, match="contact_torque: part 'idle' has no hinge"):
+        pressed.contact_torque("idle")
+
+
+def test_drive_works_for_friction_and_strain(pressed):
+    """Torque over the angle is energy of the bar and work of friction, with stations close enough."""
+    fine = cf.solve_quasistatic(pressed.model, np.linspace(0, 8, 161))
+    torque, angle = fine.hinge_torque("arm"), fine.hinge_angle("arm")
+    work = np.concatenate([[0], np.cumsum(0.5 * (torque[1:] + torque[:-1]) * np.diff(angle))])
+    given = fine.energy + fine.friction_work("bar-arm")
+    np.testing.assert_allclose(work, given, atol=0.03 * given.max())
+    assert fine.friction_work("bar-arm")[-1] > 0.02 * given.max()
+    assert (np.diff(fine.friction_work("bar-arm")) >= 0).all()
+
+
+def test_events(pressed):
+    """One stretch of time in which the post touches, with its peak; none of the idle part."""
+    [event] = pressed.contacts()
+    told = pressed.pressed("bar-arm")
+    touching = np.flatnonzero([len(p.spans) > 0 for p in told])
+    assert (event.name, event.rod, event.other) == ("bar-arm", "bar", "arm")
+    assert (event.begin, event.end) == (pressed.t[touching[0]], pressed.t[touching[-1]])
+    assert touching[0] > 0 and touching[-1] < 8 and len(touching) == touching[-1] - touching[0] + 1
+    assert event.peak == max(p.peak for p in told)
+    assert event.peak_t == pressed.t[np.argmax([p.peak for p in told])]
+    assert event.s0 <= event.peak_s <= event.s1
+    assert event.lost == pytest.approx(pressed.friction_work("bar-arm")[-1])
+    assert abs(event.gap) < 1e-3 * 0.002
+    with pytest.raises(ValueError, match="no contact named 'bar-am'. Did you mean 'bar-arm'"):
+        pressed.friction_work("bar-am")
+
+
+def test_clearance_agrees_with_contact(pressed):
+    """Where the post touches, the surfaces are apart by no more than the stand-off; away from it they agree too."""
+    distance = cf.clearance(pressed, "bar", "arm")
+    told = pressed.pressed("bar-arm")
+    for d, p in zip(distance, told, strict=True):
+        if np.isfinite(p.gap):
+            assert d == pytest.approx(p.gap, abs=1e-3 * 0.002)
+    assert distance.min() > -1e-3 * 0.002
+
+
+def test_history_without_contact(bent):
+    assert bent.contacts() == []
+    assert not bent.contact_force("bar").any()
+    assert not bent.contact_load("ground").any()

@@ -46,7 +46,8 @@ def test_tangent_is_central_difference(name, rotation):
     h = 1e-5
     plus, minus = (model.external(space.update(state, v, s * h), tangent=False).g for s in (1, -1))
     expected = (plus - minus) / (2 * h)
-    g, nodal = model.external(state, tangent=True)
+    outside = model.external(state, tangent=True)
+    g, nodal = outside.g, outside.nodal
     found = np.einsum("nij,nj->ni", nodal, v) if len(nodal) else np.zeros_like(v)
     if rotation == "quaternion":
         found[:, 3:] += 0.5 * np.cross(g[:, 3:], v[:, 3:])

@@ -28,8 +28,10 @@ from .strand import element_polynomial, nearest_on_strand, place_at
 # (3), and 1 if it is free to slide along
 COLUMNS, OUT = 24, 26
 ABOUT_TO_SLIP = 0.999
+MOST_PIECES = 32  # of a cell over small facets
 FLAT = 1e-10  # of the range of the law: a change of the gap that does not count
 # Gauss rules on 0 .. 1: three points where a whole cell touches, four on a stretch that begins or ends
+X_1, W_1 = np.array([0.0]), np.array([1.0])
 X_3, W_3 = (
     np.array([0.1127016653792583, 0.5, 0.8872983346207417]),
     np.array([0.27777777777777785, 0.4444444444444444, 0.27777777777777785]),
@@ -158,15 +160,26 @@ def add_stretch(C, a, b, h, X, W, Q, kind, size, mesh, rods, first, last, y, slo
     return count
 
 
+@inner
+def pieces_over(mesh, first, last, length):
+    """Into how many pieces a cell is cut so that each lies over one facet: along every one the rod may come near."""
+    total = 0.0
+    for k in range(first, last):
+        total += mesh[5][mesh[2][k]]
+    width = total / max(last - first, 1)
+    return int(min(max(np.ceil(2.0 * length / max(width, 1e-300)), 1.0), MOST_PIECES))
+
+
 @kernel
-def find(entries, cells, counts, conn, coefficients, h, r, obstacles, mesh, rods, room, rows, owners):
+def find(entries, cells, counts, tips, conn, coefficients, h, r, obstacles, mesh, rods, room, rows, owners):
     """Gauss points of all stretches on which an obstacle presses.
 
     entries (M, 4): cell, obstacle, and where its triangles or the cells of its strand begin and end; cells (n, 2):
-    element, number in it; counts (E,): cells in each element. obstacles: kinds (O,), sizes (O, 3), frames Q (O, 3, 3), c
-    (O, 3), levels (O,): distances below which they press, cores (O,): distances that are never reached. mesh: as
-    `shapes.triangles` takes it; rods: as `strand.nearest_on_strand` takes them; None where there is none, which is another
-    compiled version. rows (K, COLUMNS), owners (K,): written, up to `room`.
+    element, number in it; counts (E,): cells in each element; tips (n, 2) [m]: length that counts at the very end of a
+    rod, where a cell begins or ends with it, so that an end is stopped like the rest. obstacles: kinds (O,), sizes (O, 3),
+    frames Q (O, 3, 3), c (O, 3), levels (O,): distances below which they press, cores (O,): distances that are never
+    reached. mesh: as `shapes.triangles` takes it; rods: as `strand.nearest_on_strand` takes them; None where there is none,
+    which is another compiled version. rows (K, COLUMNS), owners (K,): written, up to `room`.
     Returns (points wanted, smallest distance - core, its entry, its xi).
     """
     A = conn.shape[1]
@@ -178,55 +191,48 @@ def find(entries, cells, counts, conn, coefficients, h, r, obstacles, mesh, rods
         e, number = cells[cell]
         kind, size, level = kinds[o], sizes[o], levels[o]
         element_polynomial(conn[e], coefficients, r, Q[o], c[o], C)
-        a, b = number / counts[e], (number + 1) / counts[e]
         out[17] = -1.0
-        look(C, a, kind, size, mesh, rods, first, last, y, slope, out)
-        ga, fa = out[0], out[13]
+        pieces = 1
+        if mesh is not None and kind == MESH:
+            pieces = pieces_over(mesh, first, last, h[e] / counts[e])
+        b = number / counts[e]
         look(C, b, kind, size, mesh, rods, first, last, y, slope, out)
         gb, fb = out[0], out[13]
-        bottom, g = a if ga < gb else b, min(ga, gb)
-        inner_minimum = fa < 0.0 < fb
-        if inner_minimum:
-            bottom = lowest(
-                C, a, b, fa, fb, FLAT * (level - cores[o]), kind, size, mesh, rods, first, last, y, slope, out
-            )
-            g = min(g, out[0])
-        if g - cores[o] < nearest:
-            nearest, where, place = g - cores[o], m, bottom
-        if g >= level:
-            continue
-        if ga >= level:
-            if not inner_minimum and gb >= level:
+        for piece in range(pieces):
+            a, ga, fa = b, gb, fb
+            b = (number + (piece + 1) / pieces) / counts[e]
+            look(C, b, kind, size, mesh, rods, first, last, y, slope, out)
+            gb, fb = out[0], out[13]
+            for k in range(2):  # of no length in itself
+                w = tips[cell, k]
+                if w > 0.0 and piece == (0 if k == 0 else pieces - 1) and (ga if k == 0 else gb) < level:
+                    xi = a if k == 0 else b
+                    count = add_stretch(
+                        C, xi, xi + w / h[e], h[e], X_1, W_1, Q[o], kind, size, mesh, rods, first, last, y, slope, out,
+                        count, m, rows, owners,
+                    )  # fmt: skip
+            bottom, g = a if ga < gb else b, min(ga, gb)
+            inner_minimum = fa < 0.0 < fb
+            if inner_minimum:
+                flat = FLAT * (level - cores[o])
+                bottom = lowest(C, a, b, fa, fb, flat, kind, size, mesh, rods, first, last, y, slope, out)
+                g = min(g, out[0])
+            if g - cores[o] < nearest:
+                nearest, where, place = g - cores[o], m, bottom
+            if g >= level or (ga >= level and gb >= level and not inner_minimum):
                 continue
-            a = root(C, bottom, a, level, kind, size, mesh, rods, first, last, y, slope, out)
-        if gb >= level:
-            b = root(C, bottom, b, level, kind, size, mesh, rods, first, last, y, slope, out)
-        middle = bottom if inner_minimum else a
-        whole = ga < level and gb < level and not inner_minimum
-        for k in range(2):
-            low, high = (a, middle) if k == 0 else (middle, b)
-            count = add_stretch(
-                C,
-                low,
-                high,
-                h[e],
-                X_3 if whole else X_4,
-                W_3 if whole else W_4,
-                Q[o],
-                kind,
-                size,
-                mesh,
-                rods,
-                first,
-                last,
-                y,
-                slope,
-                out,
-                count,
-                m,
-                rows,
-                owners,
-            )
+            low, high = a, b
+            if ga >= level:
+                low = root(C, bottom, a, level, kind, size, mesh, rods, first, last, y, slope, out)
+            if gb >= level:
+                high = root(C, bottom, b, level, kind, size, mesh, rods, first, last, y, slope, out)
+            whole = ga < level and gb < level and not inner_minimum
+            middle = bottom if inner_minimum else low
+            for k in range(2):
+                count = add_stretch(
+                    C, low if k == 0 else middle, middle if k == 0 else high, h[e], X_3 if whole else X_4,
+                    W_3 if whole else W_4, Q[o], kind, size, mesh, rods, first, last, y, slope, out, count, m, rows, owners,
+                )  # fmt: skip
     return count, nearest, where, place
 
 

@@ -200,7 +200,8 @@ def beyond(mesh, k, y, distance):
 def triangles(mesh, first, last, y, out):
     """Distance to the nearest of the triangles index[first:last].
 
-    mesh: points (P, 3), corners (F, 3), index, middles (F, 3) and radii (F,) of balls about triangles. out[17]: place in
+    mesh: points (P, 3), corners (F, 3), index, middles (F, 3) and radii (F,) of balls about triangles, and widths
+    (F,) of triangles. out[17]: place in
     index of the one that was nearest to the last point, to begin with, or negative; renewed.
     """
     points, corners, index = mesh[0], mesh[1], mesh[2]

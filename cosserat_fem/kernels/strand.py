@@ -169,16 +169,18 @@ def segments(p0, p1, q0, q1, n):
 
 
 @kernel
-def largest_step_between(pairs, ends, moved, rod_of, core, part, spare):
+def largest_step_between(pairs, ends, moved, rod_of, core, sag, least, part, spare):
     """Part of the way from ends to moved (n + rods, 3) on which no two chords of cells come together.
 
-    pairs (P, 2): cells; core (rods, rods): distances never reached. A slab between two chords stays between them while
-    their ends move by less than its width towards each other: rigorous for chords that bend by less than the spare.
+    pairs (P, 2): cells; core (rods, rods): distances never reached; sag (n,): how far each cell bends away from its chord;
+    least: smallest gap between the curves. A slab between two chords stays between them while their ends move by less than
+    its width towards each other.
     """
     alpha, n = 1.0, np.empty(3)
     for m in range(pairs.shape[0]):
         i, j = pairs[m, 0] + rod_of[pairs[m, 0]], pairs[m, 1] + rod_of[pairs[m, 1]]
         gap = segments(ends[i], ends[i + 1], ends[j], ends[j + 1], n) - core[rod_of[pairs[m, 0]], rod_of[pairs[m, 1]]]
+        gap = max(gap - sag[pairs[m, 0]] - sag[pairs[m, 1]], least)
         first = second = -np.inf
         for k in range(2):
             a = b = 0.0

@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import os
 import pathlib
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from importlib import resources
 from typing import Any
 
@@ -20,6 +21,7 @@ from ..errors import SceneError
 from ..mechanism import Part
 from ..model import Model
 from .build import Builder
+from .lines import Path
 from .load import CONTROL, Source, read, validate
 from .tables import SceneTables
 
@@ -40,6 +42,7 @@ class Scene:
     model: Model
     parts: tuple[Part, ...]
     times: np.ndarray
+    contact_of: Callable[[str], Path] = field(repr=False)
 
     @property
     def title(self) -> str:
@@ -63,6 +66,13 @@ class Scene:
         for file in self.inputs[1:]:
             digest.update(file.read_bytes())
         return digest.hexdigest()
+
+    def placed(self, error: SceneError) -> SceneError:
+        """What a run found wrong with the scene, faults of contact at their lines."""
+        paths = [self.contact_of(fault) for fault in error.faults]
+        return SceneError(
+            [self.source.fault(path, fault) if path else fault for path, fault in zip(paths, error.faults, strict=True)]
+        )
 
     def _file(self, name: str) -> pathlib.Path:
         return (self.source.folder / name).resolve()
@@ -106,7 +116,7 @@ def load_scene(path: str | os.PathLike[str] | None = None) -> Scene:
     model = builder.model()
     times = _times(source, tables)
     _check_run(builder, model, times)
-    return Scene(source, tables, model, tuple(builder.parts.values()), times)
+    return Scene(source, tables, model, tuple(builder.parts.values()), times, builder.contact_of)
 
 
 def _times(source: Source, tables: SceneTables) -> np.ndarray:
@@ -212,7 +222,9 @@ def _check_run(builder: Builder, model: Model, times: np.ndarray) -> None:
         try:
             for t in ends:
                 model.constraints.targets(t)
-                model.external(model.initial_state(t), tangent=False)
+                for term in model.terms:
+                    if term not in model.contacts:  # parts may pass through the drawn shape later
+                        term(model.initial_state(t), model.space, tangent=False)
             free = [text for text, translation in model.free_motions if translation or not model.terms]
             if builder.tables.solve.kind == "dynamic":
                 check_dynamic(model, ends)

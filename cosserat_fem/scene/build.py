@@ -15,20 +15,24 @@ from typing import Any
 import numpy as np
 
 from ..errors import KardanError, MeshError, SceneError, nearest
-from ..mechanism import GROUND, Hinge, Part, Path, Slider, read_surface
+from ..mechanism import GROUND, Hinge, Part, Path, Slider
 from ..model import Model
 from ..rod import Rod, read_curve
 from ..section import Section
+from ..shapes import Box, Capsule, Cylinder, Plane, Shape, Sphere, Torus
 from ..support import Clamp, Pin, Support, Weld
-from ..terms import Damping, Drag, Electrostatic, Gravity, LineLoad, PointLoad, Term
+from ..terms import Damping, Drag, Electrostatic, Gravity, LineLoad, PartContact, PointLoad, RodContact, Term
+from ..terms.touch import MOST_CELLS
 from . import lines
 from .load import Source, short, sorted_faults
 from .tables import (
     GeneralSection,
     HingeTable,
     LineLoadTable,
+    PartContactTable,
     PathTable,
     PinTable,
+    RodContactTable,
     RodTable,
     RoundSection,
     SceneTables,
@@ -37,6 +41,14 @@ from .tables import (
 )
 
 TYPED = 1e-6  # part of a length that may be missing in a typed number
+SHAPES: dict[str, Callable[..., Shape]] = {
+    "plane": Plane,
+    "sphere": Sphere,
+    "cylinder": Cylinder,
+    "capsule": Capsule,
+    "box": Box,
+    "torus": Torus,
+}
 
 
 class Builder:
@@ -45,6 +57,7 @@ class Builder:
     def __init__(self, source: Source, tables: SceneTables) -> None:
         self.source, self.tables = source, tables
         self.faults: list[str] = []
+        self.notes: list[str] = []  # warnings
         self.sections: dict[str, Section] = {}
         self.rods: dict[str, Rod] = {}
         self.parts: dict[str, Part] = {}
@@ -67,6 +80,12 @@ class Builder:
             made: dict[int, Term] = {}
             self._each(name, entries, make, made)
             self.others |= {(name, k): term for k, term in made.items()}
+        self.contacts: dict[tuple[int, str], Term] = {}  # by table, and by rod if each has a term of its own
+        self._touching: dict[tuple[str, str], int] = {}
+        self._each("contact", tables.contact, self._contact, {})
+        if tables.solve.rotation == "kardan" and tables.contact:
+            reason = 'contact needs rotation = "quaternion".'
+            self.faults.append(source.fault(("solve", "rotation"), reason))
         if tables.solve.rotation == "kardan" and any(isinstance(table, WeldTable) for table in tables.support):
             reason = 'welds need rotation = "quaternion"; Kardan angles cannot join two rods at an angle.'
             self.faults.append(source.fault(("solve", "rotation"), reason))
@@ -75,16 +94,19 @@ class Builder:
         """The model. SceneError with all faults if there are any."""
         if self.faults:
             raise SceneError(sorted_faults(self.faults))
-        terms: list[Term] = [*self.loads.values(), *self.others.values()]
+        terms: list[Term] = [*self.loads.values(), *self.others.values(), *self.contacts.values()]
         if self.tables.gravity is not None:
             terms.insert(0, Gravity(self.tables.gravity.acceleration))
         supports = list(self.supports.values())
         try:
-            return Model(list(self.rods.values()), supports, terms, rotation=self.tables.solve.rotation)
+            model = Model(list(self.rods.values()), supports, terms, rotation=self.tables.solve.rotation)
         except KardanError as error:
             raise SceneError(self.source.fault(("solve", "rotation"), str(error))) from None
         except SceneError as error:
             raise SceneError([self.place(fault) for fault in error.faults]) from None
+        for note in self.notes:
+            model.warn(note)
+        return model
 
     def place(self, message: str) -> str:
         """A message of the model, ``support 'a.end@door': ...``, at the line of the table it names."""
@@ -95,7 +117,21 @@ class Builder:
         named |= {("part", part.name): ("part", k) for k, part in enumerate(self.tables.part)}
         named |= {("support", str(h.name)): ("support", k) for k, h in self.supports.items() if isinstance(h, Support)}
         path = named.get((match.group(1), match.group(3)), ()) if match else ()
+        contact = self.contact_of(message)
+        if contact:
+            return self.source.fault(contact, message)
         return f"{self.source.path}:{self.source.lines.line_of(path)}: {message}"
+
+    def contact_of(self, message: str) -> lines.Path:
+        """The contact that a message speaks of: ``contact of rod 'a' with ...`` or ``rod 'a': ... inside part 'b' ...``."""
+        if not message.startswith("contact of ") and " inside " not in message:
+            return ()
+        for (k, _), term in self.contacts.items():
+            part = getattr(term, "part", None)
+            named = [repr(rod.name) in message for rod in term.rods]  # type: ignore[attr-defined]
+            if any(named) and (f"part {part.name!r}" in message if part is not None else " part " not in message):
+                return ("contact", k)
+        return ()
 
     def faults_at(self, model: Model, times: Iterable[float]) -> list[str]:
         """Parts and loads that have no value at one of these times."""
@@ -138,6 +174,7 @@ class Builder:
         text = re.sub(
             r"^(section|rod|part|clamp|pin|weld|support|point load|line load)( on rod)?( '[^']*')?: ", "", message
         )
+        text = re.sub(r"^contact of rods?( .+?)?: ", "", text)
         text = re.sub(r"^path: motion file", "motion file", text)
         text = re.sub(r"^(hinge|slider|path): ", "motion.", text)
         match = re.match(r"(motion\.)?(\w+)\b", text)
@@ -212,18 +249,60 @@ class Builder:
         mesh: pathlib.Path | None = None
         if table.mesh is not None:
             mesh = (self.source.folder / table.mesh).resolve()
+        try:
+            motion = self._motion(table.motion)
+        except (ValueError, SceneError):  # the mesh may be faulty too
+            self._check_mesh(Part(table.name, mesh, table.mesh_unit), path)
+            self._shapes(table, path)
+            raise
+        part = Part(table.name, mesh, table.mesh_unit, motion, self._shapes(table, path))
+        self._check_mesh(part, path)
+        return part
+
+    def _shapes(self, table: Any, path: lines.Path) -> list[Shape] | None:
+        """Shapes of a part; faults of each at its key."""
+        made = []
+        for k, entry in enumerate(table.shape or ()):
+            several = isinstance(self.source.value((*path, "shape")), list)
+            inner: lines.Path = (*path, "shape", k) if several else (*path, "shape")
+            given = entry.model_dump(exclude={"kind"}, exclude_none=True)
+            if given.get("axes") is not None:
+                given["axes"] = np.array(given["axes"]).T
             try:
-                read_surface(self.source.folder / table.mesh, f"part {table.name!r}")
-            except MeshError as error:  # the motion may be faulty too
-                self.faults += [self._bare(path, fault, ("mesh",)) for fault in error.faults]
-        motion: Any = None
-        if isinstance(table.motion, HingeTable):
-            motion = Hinge(table.motion.point, table.motion.axis, table.motion.angle, table.motion.smooth)
-        elif isinstance(table.motion, SliderTable):
-            motion = Slider(table.motion.axis, table.motion.travel, table.motion.smooth)
-        elif isinstance(table.motion, PathTable):
-            motion = Path.read(self.source.folder / table.motion.file, smooth=table.motion.smooth)
-        return Part(table.name, mesh, table.mesh_unit, motion)
+                made.append(SHAPES[entry.kind](**given))
+            except ValueError as error:
+                text = str(error).removeprefix(f"{entry.kind}: ").replace("edge ", "edges ", 1)
+                name = f"shape[{k}]" if several else "shape"
+                at = re.match(r"(\w+)(?: (\d+))?: ", text)
+                if at is None:
+                    self.faults.append(self.source.fault(inner, f"{name}: {text}"))
+                    continue
+                inner += (at.group(1),) if at.group(2) is None else (at.group(1), int(at.group(2)))
+                written = self.source.value(inner)
+                if isinstance(written, str):
+                    text = re.sub(r"\(got [^()]*\)", f"(got {short(written)})", text)
+                self.faults.append(self.source.fault(inner, f"{name}.{text}"))
+        return made or None
+
+    def _motion(self, table: Any) -> Any:
+        if isinstance(table, HingeTable):
+            return Hinge(table.point, table.axis, table.angle, table.smooth)
+        if isinstance(table, SliderTable):
+            return Slider(table.axis, table.travel, table.smooth)
+        if isinstance(table, PathTable):
+            return Path.read(self.source.folder / table.file, smooth=table.smooth)
+        return None
+
+    def _check_mesh(self, part: Part, path: lines.Path) -> None:
+        """Read the mesh of a part: a fault if that fails; what was repaired goes to the model's warnings."""
+        if part.mesh is None:
+            return
+        try:
+            surface = part.surface()
+        except MeshError as error:
+            self.faults += [self._bare(path, fault, ("mesh",)) for fault in error.faults]
+        else:
+            self.notes += [f"{surface.where}: {note}." for note in surface.report]
 
     def _support(self, table: Any, path: lines.Path) -> Support | Weld | None:
         rod = self._find(self.rods, self.tables.rod, table.rod, "rod", (*path, "rod"))
@@ -270,6 +349,82 @@ class Builder:
         if any(rod is None for rod in rods):
             return None
         return Electrostatic(*rods, **table.model_dump(exclude={"rod", "other"}))
+
+    def _contact(self, table: PartContactTable | RodContactTable, path: lines.Path) -> None:
+        """Terms of one contact table: one of each rod with the part, or one of all rods."""
+        number = int(path[1])
+        names, keys = self._rods_of(table, path)
+        rods = [self._find(self.rods, self.tables.rod, name, "rod", key) for name, key in zip(names, keys, strict=True)]
+        other = table.part if isinstance(table, PartContactTable) else "rods"
+        part = self._part_of(table, path) if isinstance(table, PartContactTable) else None
+        law = table.model_dump(exclude={"kind", "rod", "rods", "part"})
+        for name, key in zip(names, keys, strict=True):
+            first = self._touching.setdefault((name, f"{table.kind} {other}"), number)
+            if first != number:
+                line = self.source.lines.line_of(("contact", first))
+                what = f'part "{other}"' if table.kind == "part" else "other rods"
+                hint = "Remove one of them." if table.kind == "part" else "Name all rods in one of them."
+                reason = f'rod "{name}" touches {what} in contact {first + 1} in line {line} already. {hint}'
+                self.faults.append(self.source.fault(key, reason))
+        if any(rod is None for rod in rods) or (isinstance(table, PartContactTable) and part is None):
+            return
+        try:
+            if part is not None:
+                for rod in rods:
+                    term = PartContact(rod, part, **law)
+                    self._check_cells(rod, term.radius)
+                    self.contacts[number, rod.name] = term
+            else:
+                among = RodContact(rods, **law)
+                for rod, radius in zip(rods, among.radii, strict=True):
+                    self._check_cells(rod, radius)
+                self.contacts[number, ""] = among
+        except ValueError as error:
+            said = str(error)
+            about = (*[key for key in ("layer", "radius") if key in said], "rods")
+            self.faults.append(self._bare(path, said, about))
+
+    @staticmethod
+    def _check_cells(rod: Rod, radius: float) -> None:
+        """ValueError if a radius is far too small for a rod."""
+        if rod.length > MOST_CELLS * radius:
+            raise ValueError(
+                f"radius: {radius:.3g} m cuts rod {rod.name!r}, {rod.length:.3g} m long, into more than {MOST_CELLS} "
+                "pieces. Is it given in the right unit?"
+            )
+
+    def _rods_of(self, table: Any, path: lines.Path) -> tuple[list[str], list[lines.Path]]:
+        """Names of the rods of a contact, each once, and where they stand."""
+        if isinstance(table, PartContactTable) and (table.rod is None) == (table.rods is None):
+            raise ValueError("needs either 'rod' or 'rods'.")
+        if isinstance(table, PartContactTable) and table.rod is not None:
+            return [table.rod], [(*path, "rod")]
+        names: list[str] = table.rods
+        for k, name in enumerate(names):
+            if name in names[:k]:
+                self.faults.append(self.source.fault((*path, "rods", k), f'rods: rod "{name}" stands there twice.'))
+        keep = [k for k, name in enumerate(names) if name not in names[:k]]
+        return [names[k] for k in keep], [(*path, "rods", k) for k in keep]
+
+    def _part_of(self, table: PartContactTable, path: lines.Path) -> Part | None:
+        """The part of a contact, with something to touch."""
+        key: lines.Path = (*path, "part")
+        if table.part == "ground":
+            reason = 'part "ground" has no surface. Declare a [[part]] without motion, give it a shape, and name that.'
+            self.faults.append(self.source.fault(key, reason))
+            return None
+        part = self.parts.get(table.part)
+        if part is None:
+            names = [entry.name for entry in self.tables.part]
+            if table.part not in names:
+                reason = f'part "{table.part}" does not exist. {nearest(table.part, names)}'
+                self.faults.append(self.source.fault(key, reason))
+            return None
+        if not part.shapes and part.mesh is None:
+            reason = f'part "{table.part}" has neither a shape nor a mesh. Give it one to touch.'
+            self.faults.append(self.source.fault(key, reason))
+            return None
+        return part
 
     def _load(self, table: Any, path: lines.Path) -> Term | None:
         rod = self._find(self.rods, self.tables.rod, table.rod, "rod", (*path, "rod"))

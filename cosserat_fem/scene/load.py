@@ -179,7 +179,12 @@ def _fault(source: Source, error: dict[str, Any]) -> str:
 def _real_path(source: Source, location: tuple[str | int, ...]) -> Path:
     """Drop what pydantic adds to a path (the tags of unions): keep what exists in the file, and the last key."""
     path: Path = ()
+    tagged: set[Path] = set()
     for k, key in enumerate(location):
+        table = source.value(path)
+        if k < len(location) - 1 and isinstance(table, dict) and table.get("kind") == key and path not in tagged:
+            tagged.add(path)  # a tag may also be the name of a key
+            continue
         if k == len(location) - 1 or source.value((*path, key)) is not None:
             path += (key,)
     return path
@@ -197,9 +202,15 @@ def _keys(path: Path) -> str:
 
 
 def _tags(error: dict[str, Any]) -> str:
-    return {"section": "'round', 'rectangle', 'general'", "support": "'clamp', 'pin', 'weld'"}.get(
-        str(error["loc"][0]), "'point', 'line'" if error["loc"][0] == "load" else "'hinge', 'slider', 'path'"
-    )
+    where = error["loc"]
+    tags = {
+        "section": "'round', 'rectangle', 'general'",
+        "support": "'clamp', 'pin', 'weld'",
+        "load": "'point', 'line'",
+        "contact": "'part', 'rods'",
+        "shape": "'plane', 'sphere', 'cylinder', 'capsule', 'box', 'torus'",
+    }
+    return tags.get(str("shape" if "shape" in where else where[0]), "'hinge', 'slider', 'path'")
 
 
 def _known_keys(source: Source, path: Path) -> list[str]:

@@ -66,6 +66,11 @@ def custom(read: Callable[[Any], Any], description: str) -> Any:
     return Annotated[Any, BeforeValidator(read), WithJsonSchema({"description": description})]
 
 
+def one_or_more(table: Any) -> Any:
+    """A table or a list of tables, read as a list."""
+    return Annotated[list[table], BeforeValidator(lambda value: [value] if isinstance(value, dict) else value)]
+
+
 def _section(value: Any) -> Any:
     if isinstance(value, str):
         return value
@@ -215,12 +220,71 @@ class PathTable(Table):
     smooth: Flag = False
 
 
+class PlaneTable(Table):
+    """A half space, free where the normal points."""
+
+    kind: Literal["plane"]
+    point: vector("length")
+    normal: Direction
+
+
+class SphereTable(Table):
+    """A ball."""
+
+    kind: Literal["sphere"]
+    center: vector("length")
+    radius: quantity("length")
+
+
+class CylinderTable(Table):
+    """A solid cylinder with flat ends."""
+
+    kind: Literal["cylinder"]
+    start: vector("length")
+    end: vector("length")
+    radius: quantity("length")
+
+
+class CapsuleTable(Table):
+    """A solid cylinder with round ends."""
+
+    kind: Literal["capsule"]
+    start: vector("length")
+    end: vector("length")
+    radius: quantity("length")
+
+
+class BoxTable(Table):
+    """A solid box."""
+
+    kind: Literal["box"]
+    center: vector("length")
+    edges: vector("length")
+    axes: tuple[Direction, Direction, Direction] | None = None
+
+
+class TorusTable(Table):
+    """A ring of round section."""
+
+    kind: Literal["torus"]
+    center: vector("length")
+    axis: Direction
+    radius: quantity("length")
+    tube: quantity("length")
+
+
+ShapeTable = Annotated[
+    PlaneTable | SphereTable | CylinderTable | CapsuleTable | BoxTable | TorusTable, Field(discriminator="kind")
+]
+
+
 class PartTable(Table):
     """A rigid body."""
 
     name: Name
     mesh: str | None = None
     mesh_unit: Unit = 1.0
+    shape: one_or_more(ShapeTable) | None = None
     motion: Annotated[HingeTable | SliderTable | PathTable, Field(discriminator="kind")] | None = None
 
 
@@ -315,6 +379,34 @@ class ElectrostaticTable(Table):
     points: Integer = 6
 
 
+class PartContactTable(Table):
+    """Rods that touch a part."""
+
+    kind: Literal["part"]
+    rod: Name | None = None
+    rods: Annotated[list[Name], Field(min_length=1)] | None = None
+    part: Name
+    friction: quantity("number") = 0.0
+    radius: quantity("length") | None = None
+    stand_off: quantity("length") | None = None
+    elastic_slip: quantity("length") | None = None
+    pressure: quantity("force per length") | None = None
+    layer: tuple[quantity("line stiffness"), quantity("length")] | None = None
+
+
+class RodContactTable(Table):
+    """Rods that touch each other and themselves."""
+
+    kind: Literal["rods"]
+    rods: Annotated[list[Name], Field(min_length=1)]
+    friction: quantity("number") = 0.0
+    radius: quantity("length") | None = None
+    stand_off: quantity("length") | None = None
+    elastic_slip: quantity("length") | None = None
+    pressure: quantity("force per length") | None = None
+    layer: tuple[quantity("line stiffness"), quantity("length")] | None = None
+
+
 class VelocityTable(Table):
     """Rigid motion at the start."""
 
@@ -361,5 +453,6 @@ class SceneTables(Table):
     damping: list[DampingTable] = []
     drag: list[DragTable] = []
     electrostatic: list[ElectrostaticTable] = []
+    contact: list[Annotated[PartContactTable | RodContactTable, Field(discriminator="kind")]] = []
     solve: SolveTable
     output: OutputTable = OutputTable()

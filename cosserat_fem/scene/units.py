@@ -50,6 +50,7 @@ KINDS: dict[str, tuple[tuple[int, int, int], str]] = {
     "moment": ((2, 1, -2), "0.2 N m"),
     "force per length": ((0, 1, -2), "3 N/m"),
     "pressure": ((-1, 1, -2), "70 GPa"),
+    "line stiffness": ((-1, 1, -2), "1e6 N/m^2"),
     "density": ((-3, 1, 0), "1500 kg/m^3"),
     "mass per length": ((-1, 1, 0), "20 g/m"),
     "inertia per length": ((1, 1, 0), "1e-7 kg m"),

@@ -128,7 +128,7 @@ class PartContact:
     @property
     def shortest(self) -> float:
         """Stretch [m] on which a rod may hit something."""
-        return 0.1 * self.radius
+        return 0.02 * self.radius
 
     @property
     def slip(self) -> float:
@@ -303,7 +303,10 @@ class Near:
         if self.surface is not None:
             corners = self.surface.points[self.surface.triangles]
             middle = 0.5 * (corners.min(axis=1) + corners.max(axis=1))
-            self.balls = (middle, np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(axis=1)))
+            radius = np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(axis=1))
+            sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+            area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+            self.facets = (middle, radius, area / sides.max(axis=1))
         self.middle: np.ndarray | None = None
         self._found: list[tuple[np.ndarray, float, Found]] = []
 
@@ -342,7 +345,7 @@ class Near:
             near = np.flatnonzero(distance <= reach + margin)
             start, index = self.surface.candidates(middle[near], (reach + margin)[near])
             rows.append(self._runs(near, start, self.surface.patch[index]))
-            mesh = (self.surface.points, self.surface.triangles, index, *self.balls)
+            mesh = (self.surface.points, self.surface.triangles, index, *self.facets)
         entries = np.concatenate(rows)
         self.entries = np.ascontiguousarray(entries[np.lexsort((entries[:, 1], entries[:, 0]))])
         self.obstacles = replace(self.obstacles, mesh=mesh)
@@ -355,7 +358,7 @@ class Near:
         new = np.ones(len(cell), dtype=bool)
         new[1:] = (cell[1:] != cell[:-1]) | (patch[1:] != patch[:-1])
         first = np.flatnonzero(new)
-        last = np.append(first[1:], len(cell))
+        last = np.append(first[1:], len(cell))[: len(first)]
         return np.stack([cell[first], self.n_shapes + patch[first], first, last], axis=1)
 
     def find(self, state: State) -> Found:

@@ -121,7 +121,7 @@ class RodContact:
     @property
     def shortest(self) -> float:
         """Stretch [m] on which a rod may hit something."""
-        return 0.1 * min(self.radii)
+        return 0.02 * min(self.radii)
 
     @property
     def slip(self) -> float:
@@ -362,10 +362,9 @@ class Near:
             self.look_around(*here, max(MARGIN * max(self.term.radii), 2.2 * way))
             moved = 0.0
         alpha = min(1.0, (0.5 * self.margin - moved) / max(way, 1e-300))
-        return min(
-            alpha,
-            largest_step_between(
-                self.pairs, self.ends(state.r), self.ends(trial.r), self.cells.rod_of, self.cores, CLOSING,
-                SPARE * self.term.range,
-            ),
-        )  # fmt: skip
+        ends, after, rod_of = self.ends(state.r), self.ends(trial.r), self.cells.rod_of
+        left = np.arange(len(rod_of)) + rod_of
+        sag = 1.1 * np.linalg.norm(here[0] - 0.5 * (ends[left] + ends[left + 1]), axis=1)
+        least = self.find(state).gap
+        spare = SPARE * self.term.range
+        return min(alpha, largest_step_between(self.pairs, ends, after, rod_of, self.cores, sag, least, CLOSING, spare))

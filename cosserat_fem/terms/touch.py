@@ -18,6 +18,7 @@ from ..rod import Rod
 from ..space import Space, Touch
 
 CELL = 1.5  # longest cell in radii
+TIP = 0.01  # radii: length that counts at the very end of a rod
 RANGE = 2e-3  # range of the barrier in radii: stand-off errors are at most half of it
 ELASTIC = 5e-3  # elastic slip in radii
 BENDING = 10.0  # times EI / L^2: force expected at a place
@@ -31,8 +32,8 @@ class Cells:
 
     radii (rods,); nodes (E, A): node numbers of elements; coefficients (A, A) of the shape functions in powers of xi - 1/2;
     h (E,) [m] length of each element, begin (E,) [m] where it begins on its rod; counts (E,): cells in it; cells (n, 2):
-    element and number in it; rod_of (n,), bounds (rods, 2): rod of each cell, first and last cell of each rod; group,
-    numbers (E,): where the elements are in the space.
+    element and number in it; rod_of (n,), bounds (rods, 2): rod of each cell, first and last cell of each rod; tips
+    (n, 2) [m]: see `kernels.contact.find`; group, numbers (E,): where the elements are in the space.
     """
 
     rods: tuple[Rod, ...]
@@ -45,6 +46,7 @@ class Cells:
     cells: np.ndarray
     rod_of: np.ndarray
     bounds: np.ndarray
+    tips: np.ndarray
     group: int
     numbers: np.ndarray
 
@@ -75,9 +77,11 @@ class Cells:
         rod_of = np.concatenate(of)[element]
         first = np.searchsorted(rod_of, np.arange(len(rods)))
         bounds = np.stack([first, np.append(first[1:], len(rod_of)) - 1], axis=1)
+        tips = np.zeros((len(rod_of), 2))
+        tips[bounds[:, 0], 0] = tips[bounds[:, 1], 1] = TIP * np.array(radii)
         return cls(
             tuple(rods), np.array(radii, dtype=float), np.concatenate(nodes), coefficients, np.concatenate(h),
-            np.concatenate(begin), per_element, np.stack([element, number], axis=1), rod_of, bounds,
+            np.concatenate(begin), per_element, np.stack([element, number], axis=1), rod_of, bounds, tips,
             space[rods[0]].group, np.concatenate(numbers),
         )  # fmt: skip
 
@@ -140,7 +144,7 @@ def search(
     while True:
         rows, owners = np.empty((room, COLUMNS)), np.empty(room, dtype=np.int64)
         count, gap, where, place = find(
-            entries, cells.cells, cells.counts, cells.nodes, cells.coefficients, cells.h, r, obstacles.at(Q, c),
+            entries, cells.cells, cells.counts, cells.tips, cells.nodes, cells.coefficients, cells.h, r, obstacles.at(Q, c),
             obstacles.mesh, obstacles.rods, room, rows, owners,
         )  # fmt: skip
         if count <= room:

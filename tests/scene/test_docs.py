@@ -17,6 +17,12 @@ CHAPTERS = {
     'Section `kind = "general"`': tables.GeneralSection,
     "Rod": tables.RodTable,
     "Part": tables.PartTable,
+    'Shape `kind = "plane"`': tables.PlaneTable,
+    'Shape `kind = "sphere"`': tables.SphereTable,
+    'Shape `kind = "cylinder"`': tables.CylinderTable,
+    'Shape `kind = "capsule"`': tables.CapsuleTable,
+    'Shape `kind = "box"`': tables.BoxTable,
+    'Shape `kind = "torus"`': tables.TorusTable,
     'Motion `kind = "hinge"`': tables.HingeTable,
     'Motion `kind = "slider"`': tables.SliderTable,
     'Motion `kind = "path"`': tables.PathTable,
@@ -29,6 +35,8 @@ CHAPTERS = {
     "Damping": tables.DampingTable,
     "Drag": tables.DragTable,
     "Electrostatic": tables.ElectrostaticTable,
+    'Contact `kind = "part"`': tables.PartContactTable,
+    'Contact `kind = "rods"`': tables.RodContactTable,
     "Start velocity": tables.VelocityTable,
     "Solve": tables.SolveTable,
     "Output": tables.OutputTable,
@@ -73,7 +81,7 @@ def test_examples_are_one_scene_that_runs(tmp_path):
     history = cf.solve_quasistatic(scene.model, scene.times)
     assert history.status == "converged"
     assert max(record.residual for record in history.records) < 1e-8
-    for table in ("section", "rod", "part", "support", "gravity", "load", "solve", "output"):
+    for table in ("section", "rod", "part", "support", "gravity", "load", "contact", "solve", "output"):
         assert scene.source.data[table]
     [guide] = [h for h in scene.model.supports if h.name == "guide"]
     np.testing.assert_allclose(guide.frame[:, 0], np.sqrt([0.5, 0.5, 0]))  # a row of the file is an axis

@@ -445,12 +445,31 @@ def test_bad_files(tmp_path):
     for name, message in (("none.stl", "does not exist"), ("text.stl", "holds no surface|cannot be read")):
         [fault] = faults(tmp_path, change('name = "door"', f'name = "door"\nmesh = "{name}"'))
         assert re.search(f'scene.toml:20: part "door": mesh file .*({message})', fault)
+    both = change('name = "door"', 'name = "door"\nmesh = "none.stl"').replace("axis = [0, 0, 1]", "axis = [0, 0, 0]")
+    assert len(faults(tmp_path, both)) == 2
     text = change("points = [[0, 0, 0], [80, -50, -60], [200, 0, 0]]", 'file = "route.xyz"')
     (tmp_path / "route.xyz").write_text("1 2 3")
     [fault] = faults(tmp_path, text)
     assert re.search(r'scene\.toml:14: rod "cable": curve file .* cannot be read', fault)
     [fault] = faults(tmp_path, change("angle = [", 'file = "x.csv", angle = ['))
     assert "unknown key 'file'" in fault
+
+
+def test_repaired_meshes_are_warned_of(tmp_path):
+    """An open mesh is used as it is; the model's warnings and so the run's summary say so."""
+    corners = np.array([[(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(1, 0, 0), (0, 1, 0), (1, 1, 0)]], dtype=float)
+    lines = [
+        f"facet normal 0 0 1 outer loop {' '.join('vertex {} {} {}'.format(*x) for x in c)} endloop endfacet"
+        for c in corners
+    ]
+    (tmp_path / "sheet.stl").write_text("\n".join(["solid sheet", *lines, "endsolid sheet"]))
+    (tmp_path / "scene.toml").write_text(change('name = "door"', 'name = "door"\nmesh = "sheet.stl"'))
+    warnings = cf.load_scene(tmp_path / "scene.toml").model.warnings
+    assert [re.sub(r"'/.*/", "'", w) for w in warnings] == [
+        "part 'door': mesh file 'sheet.stl': 1 flipped triangle turned.",
+        "part 'door': mesh file 'sheet.stl': not watertight (4 open edges of 2 triangles): "
+        "a sheet that is touched from both sides.",
+    ]
 
 
 def test_unreadable(tmp_path):
@@ -486,3 +505,149 @@ def test_example_and_shipped_scene_are_one():
     np.testing.assert_allclose(a.model.initial_state().r, b.model.initial_state().r, atol=1e-15)
     for name in ("hinge_fixed.stl", "hinge_moving.stl"):
         assert (root / "meshes" / name).read_bytes() == (shipped_scene().parent / name).read_bytes()
+
+
+TOUCHING = (
+    RODS.replace(
+        '[solve]\nkind = "quasistatic"',
+        """[[part]]
+name = "post"
+shape = { kind = "cylinder", start = ["50 mm", "20 mm", "-1 cm"], end = [0.05, 0.02, 0.01], radius = "5 mm" }
+[[part]]
+name = "bare"
+[[contact]]
+kind = "part"
+rods = ["a", "b"]
+part = "post"
+friction = 0.2
+[[contact]]
+kind = "rods"
+rods = ["a", "b"]
+friction = 0.1
+[solve]
+kind = "quasistatic\"""",
+    )
+)  # fmt: skip
+# the first part begins in line 25, the contacts in 30 and 35
+
+
+def test_shapes_and_contacts(tmp_path):
+    """One term for each rod with a part, one for all rods; every shape; written back and read again."""
+    more = """[[part]]
+name = "all"
+shape = [
+    { kind = "plane", point = [0, 0, "-1 m"], normal = [0, 0, 2] },
+    { kind = "sphere", center = [1, 0, 0], radius = "2 cm" },
+    { kind = "cylinder", start = [0, 0, 1], end = [0, 0, 2], radius = 0.1 },
+    { kind = "capsule", start = [0, 0, 1], end = [0, 0, 2], radius = 0.1 },
+    { kind = "box", center = [2, 0, 0], edges = ["1 cm", "2 cm", "3 cm"], axes = [[0, 1, 0], [-1, 0, 0], [0, 0, 1]] },
+    { kind = "torus", center = [3, 0, 0], axis = [1, 0, 0], radius = "2 cm", tube = "5 mm" },
+]
+[[contact]]
+kind = "part"
+rod = "a"
+part = "all"
+radius = "3 mm"
+stand_off = "1 um"
+elastic_slip = "20 um"
+pressure = "10 N/m"
+layer = ["1e6 N/m^2", "0.5 mm"]
+[solve]
+"""
+    scene = cf.load_scene(write(tmp_path, TOUCHING.replace("[solve]\n", more)))
+    contacts = scene.model.contacts
+    assert [type(term).__name__ for term in contacts] == ["PartContact", "PartContact", "RodContact", "PartContact"]
+    assert [term.name for term in contacts[:2]] == ["a-post", "b-post"]
+    assert [contacts[0].friction, contacts[2].friction, contacts[3].friction] == [0.2, 0.1, 0.0]
+    assert contacts[0].radius == pytest.approx(0.004)
+    last = contacts[3]
+    assert (last.radius, last.stand_off, last.elastic_slip, last.pressure) == pytest.approx((3e-3, 1e-6, 2e-5, 10.0))
+    assert last.layer == pytest.approx((1e6, 5e-4))
+    assert [shape.kind for shape in last.part.shapes] == [0, 1, 2, 3, 4, 5]
+    np.testing.assert_allclose(last.part.shapes[4].frame[:, 0], (0, 1, 0))  # a row of the file is an axis
+    assert len(scene.parts[0].shapes) == 1 and scene.parts[1].shapes == ()
+    again = cf.load_scene(write(tmp_path, scene.resolved(), "resolved.toml"))
+    assert again.resolved() == scene.resolved()
+    for a, b in zip(again.model.contacts, contacts, strict=True):
+        assert a.name == b.name
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "message"),
+    [
+        ('kind = "cylinder"', 'kind = "cylindre"', 27, "part \"post\": kind 'cylindre' is unknown. Did you mean 'cylinder'?"),
+        ('kind = "cylinder", ', "", 27, "needs the key 'kind', one of 'plane', 'sphere', 'cylinder', 'capsule', 'box', 'torus'."),
+        ('radius = "5 mm"', 'radius = "0 mm"', 27, 'part "post": shape.radius: must be greater than 0 (got "0 mm").'),
+        ('radius = "5 mm"', 'radius = "5 s"', 27, "shape.radius is not a length"),
+        ('radius = "5 mm"', 'radios = "5 mm"', 27, "unknown key 'radios'. Did you mean 'radius'?"),
+        (', radius = "5 mm"', "", 27, "part \"post\": shape needs the key 'radius'."),
+        ("end = [0.05, 0.02, 0.01]", 'end = [0.05, 0.02, "-10 mm"]', 27, 'part "post": shape: start and end are the same point'),
+        ('name = "post"\n', 'name = "post"\nshape = 3\n#', 27, 'part "post": shape must be a list (got 3).'),
+        ('name = "bare"', 'name = "bare"\nshape = [{ kind = "sphere", center = [0, 0, 9], radius = 1 },\n{ kind = "sphere", center = [0, 0, 9], radius = -1 }]', 31, 'part "bare": shape[1].radius: must be greater than 0'),
+        ('name = "bare"', 'name = "bare"\nshape = { kind = "torus", center = [0, 0, 9], axis = [1, 0, 0], radius = 1, tube = 2 }', 30, 'part "bare": shape.tube: must be smaller than the radius 1 m (got 2 m).'),
+        ('name = "bare"', 'name = "bare"\nshape = { kind = "plane", point = [0, 0, 9], normal = [0, 0, 0] }', 30, 'part "bare": shape.normal: has zero length; give a direction.'),
+        ('name = "bare"', 'name = "bare"\nshape = { kind = "box", center = [0, 0, 9], edges = [1, "-1 mm", 1] }', 30, 'part "bare": shape.edges 1: must be greater than 0 (got "-1 mm").'),
+        ('kind = "part"', 'kind = "parts"', 31, "contact 1: kind 'parts' is unknown. Did you mean 'part'?"),
+        ('kind = "part"\n', "", 30, "contact 1: needs the key 'kind', one of 'part', 'rods'."),
+        ('part = "post"', 'part = "pots"', 33, "contact 1: part \"pots\" does not exist. Did you mean 'post'?"),
+        ('part = "post"', 'part = "bare"', 33, 'contact 1: part "bare" has neither a shape nor a mesh. Give it one to touch.'),
+        ('part = "post"', 'part = "ground"', 33, 'contact 1: part "ground" has no surface. Declare a [[part]] without motion, give it a shape'),
+        ('part = "post"\n', "", 30, "contact 1: needs the key 'part'."),
+        ('rods = ["a", "b"]\npart', 'rods = ["a", "c"]\npart', 32, "contact 1: rod \"c\" does not exist. Known: 'a', 'b'."),
+        ('rods = ["a", "b"]\npart', 'rods = ["a", "a"]\npart', 32, 'contact 1: rods: rod "a" stands there twice.'),
+        ('rods = ["a", "b"]\npart', "rods = []\npart", 32, "contact 1: rods must have at least 1 entry (got 0)."),
+        ('rods = ["a", "b"]\npart', "part", 30, "contact 1: needs either 'rod' or 'rods'."),
+        ('rods = ["a", "b"]\npart', 'rod = "a"\nrods = ["b"]\npart', 30, "contact 1: needs either 'rod' or 'rods'."),
+        ("friction = 0.2", "friction = -0.2", 34, "contact 1: friction must be 0 or greater (got -0.2)."),
+        ("friction = 0.2", "fricton = 0.2", 34, "contact 1: unknown key 'fricton'. Did you mean 'friction'?"),
+        ("friction = 0.2", 'radius = "0 mm"', 34, 'contact 1: radius: must be greater than 0 (got "0 mm").'),
+        ("friction = 0.2", 'stand_off = "-1 mm"', 34, 'contact 1: stand_off: must be greater than 0 (got "-1 mm").'),
+        ("friction = 0.2", 'pressure = "1 N"', 34, "contact 1: pressure is not a force per length"),
+        ("friction = 0.2", 'layer = ["1 N/m", "1 mm"]', 34, 'contact 1: layer[0] is not a line stiffness; write for example "1e6 N/m^2"'),
+        ("friction = 0.2", "layer = [1e6]", 34, "contact 1: layer has too few values"),
+        ("friction = 0.2", "layer = [1e6, 0]", 34, "contact 1: layer depth: must be greater than 0"),
+        ("friction = 0.2", 'layer = [1e6, "5 mm"]', 34, "contact 1: the layer must be thinner than the radius, 0.004 m (got 0.005 m)."),
+        ("friction = 0.1", "friction = -0.1", 38, "contact 2: friction must be 0 or greater (got -0.1)."),
+        ("friction = 0.1", 'friction = 0.1\n[[contact]]\nkind = "rods"\nrods = ["b"]', 41, 'contact 3: rod "b" touches other rods in contact 2 in line 35 already. Name all rods in one of them.'),
+        ("friction = 0.1", 'friction = 0.1\n[[contact]]\nkind = "part"\nrod = "b"\npart = "post"', 41, 'contact 3: rod "b" touches part "post" in contact 1 in line 30 already. Remove one of them.'),
+        ('name = "b"\nsection = "s"', 'name = "b"\nsection = "s"\norder = 2', 38, "contact 2: all must be of one order (got [2, 3])."),
+        ('duration = 2', 'duration = 2\nrotation = "kardan"', 42, 'solve: contact needs rotation = "quaternion".'),
+    ],
+)  # fmt: skip
+def test_fault_of_contact(tmp_path, old, new, line, message):
+    """Each at its line, with what was given and what is right."""
+    assert old in TOUCHING
+    found = [f for f in faults(tmp_path, TOUCHING.replace(old, new, 1)) if message in f]
+    assert found, faults(tmp_path, TOUCHING.replace(old, new, 1))
+    [fault] = found
+    assert fault.startswith(f"{tmp_path / 'scene.toml'}:{line}: "), fault
+
+
+def test_contact_needs_a_radius(tmp_path):
+    """A section of stiffnesses has none: said at the contact, which may give one."""
+    general = 'kind = "general"\nforce_stiffness = [1e3, 1e3, 1e3]\nmoment_stiffness = [1, 1, 1]'
+    text = TOUCHING.replace('kind = "round"\ndiameter = "8 mm"\nyoungs_modulus = "8 MPa"', general)
+    found = faults(tmp_path, text)
+    assert [re.sub(r"^.*toml:", "", fault) for fault in found] == [
+        "32: contact 1: rod 'a': its section has no radius; give the contact a radius.",
+        "37: contact 2: rod 'a': its section has no radius; give the contact a radius.",
+    ]
+    text = text.replace("friction = 0.2", 'radius = "4 mm"').replace("friction = 0.1", 'radius = "4 mm"')
+    assert len(cf.load_scene(write(tmp_path, text)).model.contacts) == 3
+    [fault, *_] = faults(tmp_path, text.replace('radius = "4 mm"', "radius = 4e-9", 1))
+    assert "toml:34: contact 1: radius: 4e-09 m cuts rod 'a', 0.2 m long, into more than 2000000 pieces." in fault
+
+
+def test_overlap_is_told_at_the_contact(tmp_path):
+    """A run refuses a rod that is drawn inside a part, or inside a rod, and names the line of the contact."""
+    from cosserat_fem.run import run_scene
+
+    text = TOUCHING.replace('start = ["50 mm", "20 mm"', 'start = ["50 mm", "2 mm"').replace(
+        "end = [0.05, 0.02", "end = [0.05, 0.002"
+    )
+    with pytest.raises(cf.SceneError) as caught:
+        run_scene(cf.load_scene(write(tmp_path, text)), tmp_path / "out")
+    assert any(
+        re.search(r"scene.toml:30: contact 1: rod 'a': at s = 0.0\d+ m it is .* inside part 'post'", f)
+        for f in caught.value.faults
+    )

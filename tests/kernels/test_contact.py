@@ -1,0 +1,382 @@
+"""Contact kernels: distances against brute force, laws and tangents against differences, stretches against dense sums."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numba import njit
+
+import cosserat_fem as cf
+from cosserat_fem.kernels import contact as kernels
+from cosserat_fem.kernels.rotation import matrix_from_quaternion
+from cosserat_fem.kernels.shapes import closed_form, triangles
+from cosserat_fem.kernels.triangles import triangle_distance
+from cosserat_fem.space import Contact
+from helpers import write_obj
+
+SHAPES = {
+    "plane": cf.Plane((0.1, 0.2, -0.3), (1, 2, -0.5)),
+    "sphere": cf.Sphere((0.3, -0.2, 0.1), 0.7),
+    "cylinder": cf.Cylinder((0.1, 0.2, 0.3), (0.5, -0.4, 0.9), 0.4),
+    "capsule": cf.Capsule((0.1, 0.2, 0.3), (0.5, -0.4, 0.9), 0.4),
+    "box": cf.Box((0.2, 0.1, -0.1), (0.6, 0.9, 1.4)),
+    "torus": cf.Torus((0.2, 0.1, -0.1), (1, 1, 3), 0.8, 0.3),
+}
+LAW = cf.Section.round(0.02, youngs_modulus=1e7, poisson_ratio=0.3, density=1000)
+
+
+@njit
+def shape_rows(kind, size, points, out):
+    for k in range(len(points)):
+        closed_form(kind, size, points[k], out[k])
+
+
+@njit
+def mesh_rows(mesh, first, last, guesses, places, out):
+    for k in range(len(places)):
+        out[k, 17] = guesses[k]
+        triangles(mesh, first, last, places[k], out[k])
+
+
+@njit
+def laws(gaps, G, P, soft, start, out):
+    for k in range(len(gaps)):
+        out[k, :3] = kernels.barrier(gaps[k], G, P)
+        out[k, 3:] = kernels.layer(gaps[k], soft, start)
+
+
+@njit
+def friction(slips, mu, elastic, m, M):
+    for k in range(len(slips)):
+        kernels.slide(slips[k], mu, elastic, m[k], M[k])
+
+
+def rows_of(evaluate, places):
+    """Distance (n,), gradient (n, 3), Hessian (n, 3, 3)."""
+    out = np.zeros((len(places), kernels.OUT))
+    evaluate(np.ascontiguousarray(places), out)
+    return out[:, 0], out[:, 1:4], out[:, 4:13].reshape(-1, 3, 3)
+
+
+def mesh_of(corners):
+    """Triangles (F, 3, 3) as the kernel takes them: points, corners, index, balls about triangles, their widths."""
+    middle = corners.mean(axis=1)
+    radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    width = area / np.maximum(sides, 1e-300)
+    numbers = np.arange(3 * len(corners)).reshape(-1, 3)
+    return corners.reshape(-1, 3), numbers, np.arange(len(corners)), middle, radius, width
+
+
+def check_derivatives(evaluate, places, step, tolerance):
+    """Gradient and Hessian are central differences of distance and gradient."""
+    _, n, H = rows_of(evaluate, places)
+    np.testing.assert_allclose(np.linalg.norm(n, axis=1), 1, rtol=1e-13)
+    for i, e in enumerate(np.eye(3)):
+        plus, minus = rows_of(evaluate, places + step * e), rows_of(evaluate, places - step * e)
+        np.testing.assert_allclose((plus[0] - minus[0]) / (2 * step), n[:, i], atol=tolerance)
+        np.testing.assert_allclose((plus[1] - minus[1]) / (2 * step), H[:, :, i], atol=10 * tolerance)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_closed_form(name, rng):
+    """Distance of `shapes`, unit gradient and Hessian, outside and inside."""
+    shape = SHAPES[name]
+    places = rng.uniform(-2, 2, (400, 3))
+    out = np.zeros((400, kernels.OUT))
+    distance = np.empty(400)
+    shape_rows(shape.kind, shape.size, places, out)
+    kernels.far_from(shape.kind, shape.size, places, distance)
+    expected = shape.distance(places @ shape.frame.T + shape.origin)
+    np.testing.assert_allclose(out[:, 0], expected, atol=1e-14)
+    np.testing.assert_allclose(distance, expected, atol=1e-14)
+    away = places[np.abs(expected) > 0.05]
+    assert len(away) > 300
+    check_derivatives(lambda y, out: shape_rows(shape.kind, shape.size, y, out), away, 1e-6, 1e-9)
+
+
+@pytest.mark.parametrize("count", [1, 2, 30])
+def test_triangles(count, rng):
+    """Nearest of several triangles: distance by brute force; faces, edges and corners have their curvature."""
+    corners = rng.uniform(-1, 1, (count, 3, 3))
+    mesh, places, guesses = mesh_of(corners), rng.uniform(-2, 2, (500, 3)), rng.integers(-1, count, 500).astype(float)
+
+    def evaluate(y, out):  # whatever is guessed
+        mesh_rows(mesh, 0, count, guesses[: len(y)], y, out)
+
+    found, n, H = rows_of(evaluate, places)
+    every = np.stack([triangle_distance(places, np.broadcast_to(c, (500, 3, 3))) for c in corners])
+    np.testing.assert_allclose(found, every.min(axis=0), rtol=1e-12)
+    foot = places - found[:, None] * n  # lies on the nearest one
+    nearest = corners[every.argmin(axis=0)]
+    np.testing.assert_allclose(triangle_distance(foot, nearest), 0, atol=1e-12)
+    others = np.sort(every, axis=0)[1] if count > 1 else np.full(500, np.inf)
+    clear = (others - found > 1e-4) & (found > 0.05)
+    bend = np.linalg.matrix_rank(H[clear], tol=1e-6)
+    assert set(bend) == {0, 1, 2}
+    check_derivatives(evaluate, places[clear], 1e-6, 2e-9)
+
+
+def test_no_triangle_is_far():
+    out = np.zeros((1, kernels.OUT))
+    mesh_rows(mesh_of(np.eye(3)[None]), 0, 0, np.full(1, -1.0), np.zeros((1, 3)), out)
+    assert out[0, 0] == np.inf
+
+
+def test_laws(rng):
+    """p = -d psi / dg and k = -dp / dg; nothing beyond the range, twice smooth there, infinite at nothing."""
+    G, P, soft, start = 0.02, 300.0, 4e4, 0.004
+    g = np.concatenate([G * np.logspace(-4, 0, 50)[:-1], rng.uniform(0, 0.01, 50)])
+    h = 1e-4 * g
+    out, plus, minus = np.empty((3, len(g), 6))
+    laws(g, G, P, soft, start, out)
+    laws(g + h, G, P, soft, start, plus)
+    laws(g - h, G, P, soft, start, minus)
+    change = (plus - minus) / (2 * h[:, None])
+    inside = g + h < G
+    np.testing.assert_allclose(-change[inside, 2], out[inside, 0], rtol=1e-6, atol=1e-6 * P)
+    np.testing.assert_allclose(-change[inside, 0], out[inside, 1], rtol=1e-6, atol=1e-6 * P / G)
+    smooth = np.abs(g - start) > h
+    np.testing.assert_allclose(change[smooth, 5], out[smooth, 3], rtol=1e-6)
+    np.testing.assert_allclose(change[smooth, 3], out[smooth, 4], rtol=1e-6)
+    x = np.array([1 - 1e-5, 1.0, 1.5, 1e-12])
+    ends = np.empty((4, 6))
+    laws(G * x, G, P, soft, start, ends)
+    assert ends[0, 0] < 4e-10 * P
+    assert ends[0, 1] < 1e-4 * P / G
+    assert not ends[1:3, :3].any()
+    assert ends[3, 0] > 1e11 * P
+    laws(start * np.array([1 - 1e-9, 1 + 1e-9, 0, -1]), G, P, soft, start, ends)
+    np.testing.assert_allclose(ends[0, 3:], ends[1, 3:], rtol=1e-8)
+    assert not ends[2:, 3:].any()
+
+
+def test_friction_law(rng):
+    """mu at full slip and beyond, in proportion below; its change is a difference; it always takes energy."""
+    mu, elastic = 0.4, 2e-3
+    u = rng.normal(size=(200, 3)) * rng.uniform(0, 3 * elastic, (200, 1))
+    size = np.linalg.norm(u, axis=1)
+    u, size = u[np.abs(size - elastic) > 0.01 * elastic], size[np.abs(size - elastic) > 0.01 * elastic]
+    m, M = np.empty_like(u), np.empty((len(u), 3, 3))
+    friction(u, mu, elastic, m, M)
+    np.testing.assert_allclose(np.linalg.norm(m, axis=1), mu * np.minimum(1, size / elastic), rtol=1e-13)
+    assert (np.einsum("ki,ki->k", u, m) >= 0).all()
+    h = 1e-8
+    for i, e in enumerate(np.eye(3)):
+        plus, minus = np.empty((2, *u.shape))
+        friction(u + h * e, mu, elastic, plus, np.empty_like(M))
+        friction(u - h * e, mu, elastic, minus, np.empty_like(M))
+        np.testing.assert_allclose((plus - minus) / (2 * h), M[:, :, i], atol=1e-6 * mu / elastic)
+
+
+# a rod and what it touches
+
+TOUCHED = {  # its surface half of a range under a straight rod along x, at x = 0.5
+    "plane": cf.Plane((0, 0, -0.01), (0, 0, 1)),
+    "sphere": cf.Sphere((0.5, 0.02, -0.21 + 1e-3), 0.2),
+    "cylinder": cf.Cylinder((0.5, -0.3, -0.21), (0.5, 0.3, -0.21), 0.2),
+    "capsule": cf.Capsule((0.52, -0.3, -0.21), (0.48, 0.3, -0.21), 0.2),
+    "box": cf.Box((0.5, 0.0, -0.11), (0.2, 0.4, 0.2)),
+    "edge": cf.Box((0.5, 0.0, -0.01 - 0.1 * np.sqrt(2)), (0.2, 0.4, 0.2), np.array([(1, 0, 1), (0, np.sqrt(2), 0), (-1, 0, 1)]).T / np.sqrt(2)),
+    "torus": cf.Torus((0.5, 0, 0.02), (1, 0.1, 0.05), 0.1, 0.07),
+    "mesh": None,
+}  # fmt: skip
+
+
+def smooth(model, rng, size):
+    """Random values (N, 6) that are smooth along each rod."""
+    s = model.space.node_s[:, None, None] * np.arange(1, 5)
+    waves = rng.normal(size=(4, 6)) * np.sin(3 * s.transpose(0, 2, 1) + rng.uniform(0, 6, (4, 6)))
+    return size * waves.sum(axis=1)
+
+
+def touching(name, friction, tmp_path, *, noise=3e-5, seed=0):
+    """A term, its model, and a state that presses and slips, beside a part that turns."""
+    rng = np.random.default_rng(seed)
+    rod = cf.Rod("r", LAW, [(0, 0, 0), (1, 0, 0)], n_elements=10, order=3)
+    motion = cf.Hinge(point=(0.2, 0.1, 0), axis=(0, 0.2, 1), angle=1e-3)
+    if name == "mesh":  # a ridge: two faces that meet in an edge
+        points = [
+            (0.3, -0.3, -0.1),
+            (0.5, -0.3, -0.01),
+            (0.7, -0.3, -0.1),
+            (0.3, 0.3, -0.1),
+            (0.5, 0.3, -0.01),
+            (0.7, 0.3, -0.1),
+        ]
+        write_obj(tmp_path / "ridge.obj", points, [(0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4)])
+        part = cf.Part("p", mesh=tmp_path / "ridge.obj", motion=motion)
+    else:
+        part = cf.Part("p", shape=TOUCHED[name], motion=motion)
+    term = cf.PartContact(rod, part, friction=friction, stand_off=5e-4, elastic_slip=1e-4)
+    model = cf.Model([rod], [cf.Clamp(rod, "start")], [term])
+    base = model.initial_state()
+    du = noise * rng.normal(size=(model.space.n_nodes, 6))
+    du[:, 3:] *= 20
+    state = model.space.update(base, du)
+    contact = Contact(0.02, 0.0, base.r, base.q, {term: term.start(model.space)})
+    return term, model, replace(state, contact=contact)
+
+
+def crossing(angle, friction, *, slip=1e-5, seed=1):
+    """A term, its model, and a state of two rods of different radius that press, after a slip of this size [m]."""
+    rng = np.random.default_rng(seed)
+    thin = cf.Section.round(0.01, youngs_modulus=1e7, poisson_ratio=0.3, density=1000)
+    a = cf.Rod("a", LAW, [(0, 0, 0), (1, 0, 0)], n_elements=10, order=3)
+    half, middle = 0.5 * np.array([np.cos(angle), np.sin(angle), 0]), np.array([0.5, 0, 0.015 - 1e-4])
+    b = cf.Rod("b", thin, [middle - half, middle + half], n_elements=10, order=3)
+    term = cf.RodContact([a, b], friction=friction, stand_off=5e-4, elastic_slip=1e-4)
+    model = cf.Model([a, b], [cf.Clamp(a, "start")], [term])
+    base = model.space.update(model.initial_state(), smooth(model, rng, 3e-5))
+    state = model.space.update(base, smooth(model, rng, slip) * [1, 1, 1, 100, 100, 100])
+    near = term._near(model.space)
+    keys = np.unique(near.keys(near.find(state)))
+    touch = replace(term.start(model.space), keys=keys, slips=0.3 * slip * rng.normal(size=(len(keys), 3)))
+    return term, model, replace(state, contact=Contact(0.0, 0.0, base.r, base.q, {term: touch}))
+
+
+def residual(term, model, state):
+    blocks = term(state, model.space, tangent=False)
+    g = np.zeros((model.space.n_nodes, 6))
+    np.add.at(g, blocks.nodes, blocks.force)
+    return g
+
+
+def tangent_error(term, model, state, seed=1):
+    """Largest error of the tangent along random directions, in parts of the largest entry: forces, moments."""
+    rng = np.random.default_rng(seed)
+    blocks, n = term(state, model.space), model.space.n_nodes
+    K = np.zeros((6 * n, 6 * n))
+    for nodes, stiffness in zip(blocks.nodes, blocks.stiffness, strict=True):
+        rows = (6 * nodes[:, None] + np.arange(6)).ravel()
+        K[np.ix_(rows, rows)] += stiffness
+    g, errors, h = residual(term, model, state), np.zeros(2), 1e-9
+    for _ in range(4):
+        v = rng.normal(size=(n, 6))
+        plus, minus = (residual(term, model, model.space.update(state, v, s * h)) for s in (1, -1))
+        expected = (plus - minus) / (2 * h)
+        found = (K @ v.ravel()).reshape(-1, 6)
+        found[:, 3:] += 0.5 * np.cross(g[:, 3:], v[:, 3:])  # as for every moment in the axes of its section
+        for k, part in enumerate((slice(0, 3), slice(3, 6))):
+            scale = np.abs(expected[:, part]).max()
+            errors[k] = max(errors[k], np.abs(found - expected)[:, part].max() / scale if scale > 0 else 0.0)
+    return errors.max(), K
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("name", TOUCHED)
+def test_tangent_with_a_part(name, friction, tmp_path):
+    """The derivative, but for points that move along with an isolated stretch; symmetric without friction."""
+    term, model, state = touching(name, friction, tmp_path)
+    error, K = tangent_error(term, model, state)
+    assert len(term._near(model.space).find(state).rows) > 4
+    assert error < (1e-7 if name == "plane" else 3e-4)
+    assert friction > 0 or abs(K - K.T).max() <= 1e-15 * abs(K).max()
+
+
+def test_tangent_of_a_lying_rod(tmp_path):
+    """Whole cells on a plane: nothing moves along, and the tangent is the derivative."""
+    for friction in (0.0, 0.3):
+        term, model, state = touching("plane", friction, tmp_path, noise=3e-6)
+        assert tangent_error(term, model, state)[0] < 1e-7
+
+
+@pytest.mark.parametrize(("friction", "slip"), [(0.0, 1e-5), (0.3, 3e-6), (0.3, 5e-5)], ids=["smooth", "stick", "slip"])
+@pytest.mark.parametrize("angle", [0.02, 0.3, 1.57])
+def test_tangent_between_rods(angle, friction, slip):
+    """The derivative, but for points that move along with a crossing."""
+    term, model, state = crossing(angle, friction, slip=slip)
+    error, K = tangent_error(term, model, state)
+    if friction:
+        found = term._near(model.space).find(state)
+        slips = np.linalg.norm(term._press(state, model.space, found, False, False)[3][:, 4:7], axis=1)
+        assert (slips.max() > term.slip) == (slip > 1e-5)
+    assert error < 1e-3
+    assert friction > 0 or abs(K - K.T).max() <= 1e-15 * abs(K).max()
+
+
+def total_load(model, state, g):
+    """Force and moment about the origin (6,) of a residual (N, 6)."""
+    R = matrix_from_quaternion(state.q)
+    moment = np.cross(state.r, g[:, :3]).sum(0) + np.einsum("nij,nj->i", R, g[:, 3:])
+    return np.concatenate([g[:, :3].sum(0), moment])
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("name", TOUCHED)
+def test_rod_and_part_balance(name, friction, tmp_path):
+    """What acts on the nodes is the opposite of the load of the part, force and moment."""
+    term, model, state = touching(name, friction, tmp_path)
+    _, told = term.accept(state, model.space)
+    g = residual(term, model, state)
+    np.testing.assert_allclose(total_load(model, state, g), told.load, atol=1e-12 * np.abs(told.load).max())
+    nodes = np.zeros_like(g)
+    np.add.at(nodes, told.nodes, told.force)
+    np.testing.assert_allclose(nodes, -g, atol=1e-13 * np.abs(g).max())
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("angle", [0.02, 0.3, 1.57])
+def test_rods_balance(angle, friction):
+    """Force and moment of one rod on the other and back vanish together."""
+    term, model, state = crossing(angle, friction)
+    g = residual(term, model, state)
+    assert np.abs(total_load(model, state, g)).max() < 1e-12 * np.abs(g).max()
+
+
+# stretches
+
+
+def bent(shape, *, amplitude=0.004, order=3, range_=1e-3):
+    """A wavy rod over a shape, with its contact term."""
+    x = np.linspace(0, 1, 41)
+    rod = cf.Rod("r", LAW, np.c_[x, 0.01 * np.sin(3 * x), amplitude * np.cos(9 * x) ** 2], n_elements=12, order=order)
+    term = cf.PartContact(rod, cf.Part("p", shape=shape), stand_off=0.5 * range_)
+    return term, cf.Model([rod], [cf.Clamp(rod, "start")], [term])
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        cf.Plane((0, 0, -0.0100), (0.0, 0.001, 1)),
+        cf.Cylinder((0.49, -0.5, -0.21), (0.55, 0.5, -0.21), 0.2),
+        cf.Sphere((0.5, 0.01, -0.06), 0.05),
+        cf.Box((0.5, 0.0, -0.11), (0.43, 0.4, 0.2)),
+    ],
+    ids=["plane", "cylinder", "sphere", "box"],
+)
+def test_stretches(shape, order):
+    """Lengths of all pressed stretches, work of the barrier and smallest gap, against a dense sum along the rod."""
+    term, model = bent(shape, order=order)
+    state, near = model.initial_state(), term._near(model.space)
+    found, cells = near.find(state), near.cells
+    xi, element = (np.arange(20_000) + 0.5) / 20_000, np.arange(len(cells.h))
+    gaps, inside, energy = [], 0.0, 0.0
+    for e in element:
+        gap = shape.distance(cells.places(np.full(len(xi), e), xi, state.r)) - term.core
+        values = np.zeros((len(xi), 6))
+        laws(gap, term.range, term.start(model.space).scale, 0.0, 1.0, values)
+        inside += cells.h[e] * (gap < term.range).mean()
+        energy += cells.h[e] * values[:, 2].mean()
+        gaps.append(gap.min())
+    assert 0 < inside < 0.9
+    assert found.rows[:, 1].sum() == pytest.approx(inside, abs=2e-5)
+    assert found.gap == pytest.approx(min(gaps), abs=1e-7)
+    assert min(gaps) > 0
+    assert term.potential(state, model.space) == pytest.approx(energy, rel=2e-4)
+    assert found.rows[:, 2] == pytest.approx(
+        shape.distance(cells.places(found.element, found.rows[:, 0], state.r)), abs=1e-14
+    )
+
+
+def test_no_jump_as_a_patch_moves():
+    """A small ball that slides along the rod, over cells and elements, presses as hard everywhere."""
+    rod = cf.Rod("r", LAW, [(0, 0, 0), (1, 0, 0)], n_elements=7, order=3)
+    forces = []
+    for x in np.linspace(0.3, 0.7, 101):
+        term = cf.PartContact(rod, cf.Part("p", shape=cf.Sphere((x, 0, -0.0125), 0.0025)))
+        model = cf.Model([rod], [cf.Clamp(rod, "start")], [term])
+        forces.append(residual(term, model, model.initial_state())[:, 2].sum())
+    assert np.ptp(forces) < 2e-4 * abs(np.mean(forces))
