@@ -353,7 +353,7 @@ class Run:
         wanted = min(self.wanted_h, LARGEST_TURN / max(fastest, 1e-300))
         near = SMALLEST * (self.end - self.begin_time)
         if self.newton.approach is not None and not any(self.stored):
-            self.state = self.newton.approach.harden(self.state, self._impact() + self.energy)
+            self.state = self.newton.approach.harden(self.state, self._impact())
         while True:
             k = int(np.searchsorted(self._stops, self.state.t + near))
             stop = float(self._stops[k])

@@ -1,13 +1,13 @@
 """Contact as a user sees it: what lies, sticks, slips, bounces, is pressed and is refused."""
 
+import judge
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from verification import contact_references as cr
 
 import cosserat_fem as cf
-import judge
 from helpers import centreline, write_obj
-from verification import contact_references as cr
 
 G = 9.81
 CABLE = cf.Section.round(0.01, youngs_modulus=1e8, poisson_ratio=0.3, density=1200)
@@ -111,8 +111,9 @@ def test_friction_angle(friction):
 
 
 @pytest.mark.filterwarnings("ignore:energy ledger")
-def test_sliding_down(friction=0.4):
+def test_sliding_down():
     """In time: at 0.1 % below the limit it stays, at 0.1 % above it the speed grows as the difference says."""
+    friction = 0.4
     step = cf.FixedStep(5e-3)
     model = tilted(lambda t: 0.999, friction)
     history = cf.solve_dynamic(model, 0.5, step=step, rho_inf=0.5)
@@ -159,7 +160,10 @@ def test_friction_takes_energy():
 # the same in other words
 
 
-def scene(turn=np.eye(3), away=np.zeros(3), *, reverse=False, tmp_path=None):
+UNTURNED, STILL = np.eye(3), np.zeros(3)
+
+
+def scene(turn=UNTURNED, away=STILL, *, reverse=False, tmp_path=None):
     """A cable pulled over a drum and a box, and into a mesh; everything turned and moved."""
 
     def place(x):
@@ -407,7 +411,9 @@ def test_bad_input(tmp_path):
         "all must be of one order": lambda: cf.RodContact([rod, other]),
         "must be a Rod": lambda: cf.RodContact([part]),
         "thinner than both": lambda: cf.RodContact([rod], layer=(1e6, 0.01)),
-        "right unit": lambda: cf.solve_static(cf.Model([rod], [cf.Clamp(rod, "start")], [cf.PartContact(rod, part, radius=1e-9)])),
+        "right unit": lambda: cf.solve_static(
+            cf.Model([rod], [cf.Clamp(rod, "start")], [cf.PartContact(rod, part, radius=1e-9)])
+        ),
     }.items():  # fmt: skip
         with pytest.raises(ValueError, match=match):
             make()

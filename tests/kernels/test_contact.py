@@ -172,13 +172,14 @@ def test_friction_law(rng):
 
 # a rod and what it touches
 
+ON_EDGE = np.array([(1, 0, 1), (0, np.sqrt(2), 0), (-1, 0, 1)]).T / np.sqrt(2)
 TOUCHED = {  # its surface half of a range under a straight rod along x, at x = 0.5
     "plane": cf.Plane((0, 0, -0.01), (0, 0, 1)),
     "sphere": cf.Sphere((0.5, 0.02, -0.21 + 1e-3), 0.2),
     "cylinder": cf.Cylinder((0.5, -0.3, -0.21), (0.5, 0.3, -0.21), 0.2),
     "capsule": cf.Capsule((0.52, -0.3, -0.21), (0.48, 0.3, -0.21), 0.2),
     "box": cf.Box((0.5, 0.0, -0.11), (0.2, 0.4, 0.2)),
-    "edge": cf.Box((0.5, 0.0, -0.01 - 0.1 * np.sqrt(2)), (0.2, 0.4, 0.2), np.array([(1, 0, 1), (0, np.sqrt(2), 0), (-1, 0, 1)]).T / np.sqrt(2)),
+    "edge": cf.Box((0.5, 0.0, -0.01 - 0.1 * np.sqrt(2)), (0.2, 0.4, 0.2), ON_EDGE),
     "torus": cf.Torus((0.5, 0, 0.02), (1, 0.1, 0.05), 0.1, 0.07),
     "mesh": None,
 }  # fmt: skip

@@ -34,7 +34,8 @@ def test_flat_bounce(name, report):
     top = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:]) & (height[1:-1] > 0.01)) + 1
     peaks = np.concatenate([[energy[0]], energy[top]])
     report(
-        f"energy at the tops {(peaks / energy[0]).round(5)}, at most {energy.max() / energy[0] - 1:.1e} more, {history.message}"
+        f"energy at the tops {(peaks / energy[0]).round(5)}, at most {energy.max() / energy[0] - 1:.1e} more, "
+        f"{history.message}"
     )
     assert len(top) >= 2
     assert (np.diff(peaks) <= 1e-4 * energy[0]).all()
@@ -59,7 +60,8 @@ def test_tilted_bounce(name, report):
     """Meets the floor with one end and clatters: energy never grows."""
     _, energy, _, history = drop(STEPS[name], tilt=0.1)
     report(
-        f"left {energy[-1] / energy[0]:.4f}, at most {energy.max() / energy[0] - 1:.1e} more than at the start, {history.message}"
+        f"left {energy[-1] / energy[0]:.4f}, at most {energy.max() / energy[0] - 1:.1e} more than at the start, "
+        f"{history.message}"
     )
     assert energy.max() <= (1 + 1e-4) * energy[0]
 

@@ -113,7 +113,8 @@ def test_throws(target, tmp_path, report):
     """Three throws; the rod touches and never passes."""
     thrown = [throw(target, seed, tmp_path, most=100) for seed in range(3)]
     report(
-        f"steps {[t.steps for t in thrown]}, touched {sum(t.touched for t in thrown)}, stopped {sum(bool(t.message) for t in thrown)}"
+        f"steps {[t.steps for t in thrown]}, touched {sum(t.touched for t in thrown)}, "
+        f"stopped {sum(bool(t.message) for t in thrown)}"
     )
     assert not any(t.passes for t in thrown)
     assert all(t.touched for t in thrown)
