@@ -36,19 +36,21 @@ from .kernels.inertia import largest_change
 from .kernels.rotation import quaternion_from_matrix, relative_rotation
 from .model import Model
 from .newton import CompiledStep, Newton, Solved
+from .rates import NOBODY, Balance
 from .space import State
 from .terms.dissipative import damped_tables, tables_at_rate
 from .terms.inertial import Driven, InertiaStep, Rates
 
 TOLERANCE = 1e-9  # relative residual of a time step
 SMALLEST = 1e-10  # of the duration: a step shorter than this ends the run
-JUMP = 1e-5  # in rod lengths, or rad, over the duration: velocities that differ by more jump
 GROWTH = 4.0  # a step longer than this many of the last one starts with b = a
 PLAIN_ESTIMATE = 0.3  # in parts of the allowed error: below it the estimate is good enough as it is
 LARGEST_TURN = 2.0  # rad in a step; the rotation vector of a step is unique below pi
 LONGER, SAFETY = 1.5, 0.8  # growth of a step; aim at this part of the step that would just be allowed
 RUBBED = 0.1  # part of the work of friction in a step that may be missing
-GAINED, LOST = 1e-6, 2e-3  # parts of the largest energy that a step with contact may add or take by itself
+GAINED, LOST = 1e-6, 2e-3  # parts of the largest energy that contact may add in all, or take in a step, by itself
+LITTLE = 1e-3  # of that: added in one step, it is none
+RESOLVED = 0.5  # of the speed where it acts: what contact may add to it in a step that resolves it
 SHORT = 1e-3  # part of a step over which a strain rate is measured
 BEFORE = 1e-13  # of the duration: how long before a jump of a load the step that ends there is evaluated
 
@@ -98,7 +100,7 @@ class FixedStep:
 @dataclass(frozen=True, eq=False)
 class Made:
     """A converged step that may be taken: outcome with contact renewed, rates, works [J] in it, forces of terms, strains of
-    damped rods, energies in contact terms."""
+    damped rods, energies in contact terms, energy that contact added."""
 
     solved: Solved
     rates: Rates
@@ -106,6 +108,7 @@ class Made:
     forces: list[np.ndarray]
     strain: tuple[np.ndarray, ...]
     stored: list[float]
+    added: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +127,7 @@ class Checkpoint:
     strain_step: float
     kept: int
     largest_energy: float = 0.0
+    added: float = 0.0
     log: list[tuple[float, float, float, bool]] = field(default_factory=list)
 
 
@@ -161,8 +165,8 @@ class Run:
         self.kept = 0
         self.strain: tuple[np.ndarray, ...] = ()
         self.strain_before: tuple[np.ndarray, ...] = ()
-        self.strain_step = 0.0
-        self._driven_nodes, self._driven_rows, self._given = _driven_nodes(model)
+        self.strain_step, self.added = 0.0, 0.0
+        self.balance = Balance(model)
         self._others = [term for term in model.terms if term not in model.contacts]
         names = dict(zip(model.terms, _names(model.terms), strict=True))
         self._names = [names[term] for term in self._others]
@@ -217,11 +221,11 @@ class Run:
             self._keep(0, 0.0)
 
     def _start_contact(self) -> None:
-        """What contact does at the present state, and the energy that the next step is held against."""
+        """What contact does at the present state, and the energy that it may not add to."""
         approach = self.newton.approach
         self.pressed = () if approach is None else approach.accept(self.state)[1]
         self.stored = self._stored(self.state)
-        self.energy = self.largest_energy = 0.0 if approach is None else self._energy(self.state, self.rates.v)
+        self.largest_energy = 0.0 if approach is None else self._energy(self.state, self.rates.v) + sum(self.stored)
 
     def _first_step(self) -> float:
         if isinstance(self.step, FixedStep):
@@ -245,22 +249,9 @@ class Run:
 
     def _settle(self, *, told: bool) -> None:
         """Give held places their part's velocity and find the balancing acceleration; at the start and at kinks."""
-        model, c = self.model, self.model.constraints
-        held, pushed = c.driven(self.state.t)
+        model = self.model
         v, a = self.rates.v.copy(), np.zeros_like(self.rates.v)
-        driven = self._driven(held, pushed)
-        jumps = []
-        for m, node in enumerate(driven.nodes):
-            for k in range(2):
-                part = slice(3 * k, 3 * k + 3)
-                if not np.isnan(driven.v[m, k, 0]):
-                    jump = np.abs(driven.v[m, k] - v[node, part]).max()
-                    scale = (model.scales["length"], 1.0)[k] / (self.end - self.begin_time)
-                    if jump > JUMP * scale and m < c.n_supports:
-                        jumps.append((model.supports[m].to.name, jump, ("m/s", "rad/s")[k]))
-                    v[node, part], a[node, part] = driven.v[m, k], driven.a[m, k]
-        for row, jump in self._match_partly_held(held, pushed, v, a):
-            jumps.append((model.supports[row].to.name, jump, "m/s or rad/s"))
+        jumps = self.balance.match(self.state, v, a, self.end - self.begin_time)
         if jumps and not told:
             name, jump, unit = max(jumps, key=lambda x: x[1])
             model.warn(
@@ -283,47 +274,18 @@ class Run:
         state = replace(self.state, velocity=v) if self._velocity_terms else self.state
         g = model.external(state, tangent=False).g
         model.internal.residual(state, model.space, g, tables)
-        _accelerate(model, state, g, v, a, driven)
+        self.balance.accelerate(state, g, v, a)
+        self.g = g + self.balance.inertia(v, a)
+        if model.contacts:
+            self._feel_contact()
+            a -= self.answer
         self.rates = Rates(v, a, a.copy())
-        self.g = g + _inertia(model, v, a)
         self.forces = self._tabulate_forces()
 
-    def _match_partly_held(
-        self, held: np.ndarray, pushed: np.ndarray, v: np.ndarray, a: np.ndarray
-    ) -> list[tuple[int, float]]:
-        """Give the held components of supports that free others their part's rates; rows whose velocity jumped."""
-        c, model = self.model.constraints, self.model
-        jumped = []
-        now = c.evaluate(self.state, c.targets(self.state.t)) if c.tilted else None
-        for row in c.tilted:
-            node, T = c.support_node[row], now.T[row]  # type: ignore[union-attr]
-            fixed = c.held[row]
-            wanted, y = np.linalg.solve(T, held[row]), np.linalg.solve(T, v[node])
-            scale = np.array([*3 * [model.scales["length"]], *3 * [1.0]]) / (self.end - self.begin_time)
-            jump = np.abs(wanted - y) * fixed
-            if (jump > JUMP * scale).any():
-                jumped.append((row, float(jump.max())))
-            y[fixed] = wanted[fixed]
-            v[node], a[node] = T @ y, pushed[row]
-            for k in np.flatnonzero(c.lead == node):
-                follower = c.nodes[c.n_supports + k]
-                v[follower] = np.concatenate([v[node, :3], c.seen[k] @ v[node, 3:]])
-        return jumped
-
-    def _driven(self, held: np.ndarray, pushed: np.ndarray) -> Driven:
-        """Rates of held places from those of the supports (supports, 6), for the kernel."""
-        v = held[self._driven_rows].reshape(-1, 2, 3)
-        a = pushed[self._driven_rows].reshape(-1, 2, 3)
-        c, n = self.model.constraints, self.model.constraints.n_supports
-        for m in range(n, len(v)):  # welded to a held rod: the same rotation in other axes
-            seen = c.seen[self._followers[m - n]]
-            v[m, 1], a[m, 1] = seen @ v[m, 1], seen @ a[m, 1]
-        v[~self._given] = np.nan
-        return Driven(self._driven_nodes, v, a)
-
-    @property
-    def _followers(self) -> list[int]:
-        return [k for k, row in enumerate(self.model.constraints.lead_row) if row >= 0]
+    def _feel_contact(self) -> None:
+        """Force (N, 6) of contact at the present state, and the acceleration that it gives to the nodes."""
+        self.touch = -self.model.touching(self.state)
+        self.answer = self.balance.share(self.state, self.touch)[0]
 
     # steps
 
@@ -354,6 +316,7 @@ class Run:
         near = SMALLEST * (self.end - self.begin_time)
         if self.newton.approach is not None and not any(self.stored):
             self.state = self.newton.approach.harden(self.state, self._impact())
+        late = 0.0
         while True:
             k = int(np.searchsorted(self._stops, self.state.t + near))
             stop = float(self._stops[k])
@@ -363,7 +326,7 @@ class Run:
             t1 = stop if n == 1 else self.state.t + h
             jumps, settles, keeps = self._at_stop[k] if n == 1 else (False, False, self.times is None)
             at = min(t1 - BEFORE * (self.end - self.begin_time), np.nextafter(t1, -np.inf)) if jumps else t1
-            solved, inertia = self._try(h, at)
+            solved, inertia = self._try(h, at, late or self._late(h))
             error = 0.0
             if solved.converged and isinstance(self.step, AdaptiveStep):
                 error = self._error(solved, inertia, h)
@@ -374,6 +337,9 @@ class Run:
             self.steps.append((t1, h, error, accepted))
             if accepted:
                 break
+            if solved.converged and error <= 1.0 and made.added > 0.0 and inertia.late < 1.0:
+                late = 1.0  # adds nothing, whatever the step
+                continue
             shortest = (
                 self.step.dt / (64 if not self.model.contacts else 1e7) if isinstance(self.step, FixedStep) else 0.0
             )
@@ -401,22 +367,22 @@ class Run:
         """Error of a step in parts of the allowed one."""
         model, length = self.model, self.model.scales["length"]
         scale = h * self._constant * (self.end - self.begin_time) / self.step.rtol  # type: ignore[union-attr]
-        error = scale * largest_change(inertia.rates.b, inertia.b, self._driven_nodes, length)
+        error = scale * largest_change(inertia.rates.b, inertia.b, self.balance.nodes, length)
         if error < PLAIN_ESTIMATE:
             return error
         mass = np.concatenate([np.repeat(model.space.node_mass[:, None], 3, 1), model.space.node_inertia], axis=1)
         # what the step's own matrix makes of the change, as of a load
         load = inertia.grows * mass * (inertia.b - inertia.rates.b)
         change = self.newton.response(solved.state, load, step=inertia.again())
-        return min(error, scale * largest_change(np.zeros_like(change), change, self._driven_nodes, length))
+        return min(error, scale * largest_change(np.zeros_like(change), change, self.balance.nodes, length))
 
-    def _try(self, h: float, t1: float) -> tuple[Solved, InertiaStep]:
+    def _try(self, h: float, t1: float, late: float) -> tuple[Solved, InertiaStep]:
         model = self.model
         rates = self.rates
         if h != self.h:  # b belongs to a time that lies am - af steps beyond the state
             grown = h / self.h if h <= GROWTH * self.h else 0.0
             rates = Rates(rates.v, rates.a, rates.a + grown * (rates.b - rates.a))
-        driven = self._driven(*model.constraints.driven(t1, before=True)) if len(self._driven_nodes) else NOBODY
+        driven = self.balance.driven(*model.constraints.driven(t1, before=True)) if len(self.balance.nodes) else NOBODY
         tables = None
         if self._dampers:
             tables = [
@@ -427,13 +393,40 @@ class Run:
             ]
         inertia = InertiaStep(
             model.space, self.state, rates, np.array([h, *self._method]), driven,
-            wanted=self._velocity_terms, tables=tables,
+            wanted=self._velocity_terms, tables=tables, late=late,
         )  # fmt: skip
         for acceleration in (0.5, 0.0):  # unresolved vibrations make b a bad guess
-            solved = self._solve(h * rates.v + acceleration * h * h * rates.b, t1, inertia, driven)
+            solved = self._solve(h * rates.v + acceleration * h * h * self._expected(rates.b), t1, inertia, driven)
             if solved.converged:
                 break
+        if solved.converged and model.contacts:
+            solved = self._without_contact(solved, inertia)
         return solved, inertia
+
+    def _expected(self, b: np.ndarray) -> np.ndarray:
+        """Acceleration (N, 6) to begin a step with: contact goes on where it holds a node against what else acts on it."""
+        if not any(self.stored):
+            return b
+        both = b + self.answer
+        return np.where((both**2).sum(1, keepdims=True) < (b**2).sum(1, keepdims=True), both, b)
+
+    def _late(self, h: float) -> float:
+        """Part of the force of contact to take at the end of a step: half of it, for the order, once steps resolve it."""
+        if not self.model.contacts:
+            return 1.0
+        touching = (self.answer != 0.0).any(axis=1)
+        speed = np.sqrt((self.rates.v[touching, :3] ** 2).sum(axis=1).max(initial=0.0))
+        gained = h * np.sqrt((self.answer[:, :3] ** 2).sum(axis=1).max())
+        return 0.5 if gained <= RESOLVED * speed else 1.0
+
+    def _without_contact(self, solved: Solved, inertia: InertiaStep) -> Solved:
+        """A converged step whose rates leave contact out and whose residual takes it once, as it is at the end."""
+        last = -self.model.touching(solved.state)
+        inertia.shared = inertia.late * last + (1.0 - inertia.late) * self.touch
+        answer, left = self.balance.share(solved.state, inertia.shared)
+        inertia.leave_out(answer)
+        g = solved.total.g + inertia.counted * left - self.balance.share(solved.state, last)[1]
+        return replace(solved, total=replace(solved.total, g=g))
 
     def _solve(self, D: np.ndarray, t1: float, inertia: InertiaStep, driven: Driven) -> Solved:
         """The step from the prediction D (N, 6)."""
@@ -443,7 +436,8 @@ class Run:
             start = self.state.at_time(t1)
             guess, part = self.newton.approach.move(start, D, 1.0, stiffen=False)
             memory = tuple(a + part * (b - a) for a, b in zip(start.stress, stress, strict=True))
-            return self.newton.in_time(replace(guess, stress=memory), inertia, TOLERANCE)
+            offset = None if inertia.late == 1.0 else -inertia.counted * (1.0 - inertia.late) * self.touch
+            return self.newton.in_time(replace(guess, stress=memory), inertia, TOLERANCE, offset)
         guess = model.space.update(self.state, D, 1.0, stress).at_time(t1)
         if self._compiled is not None:
             return self._compiled.solve(guess, D[:, :3].copy(), inertia, driven)
@@ -454,8 +448,8 @@ class Run:
         loads = None if self._compiled is None else self._compiled.each
         solved = self.newton.accepted(solved, in_time=True)
         work = dict.fromkeys(self.work, 0.0)
-        stored = self._add_contact_work(work, solved, t1)
-        state = solved.state if loads is not None else inertia.with_velocity(solved.state)
+        stored, added = self._add_contact_work(work, solved, inertia, t1)
+        state = replace(solved.state, velocity=inertia.v) if inertia.wanted else solved.state
         forces = self._forces(state, loads)
         for name, nodes, before, after in zip(self._names, self._nodes, self.forces, forces, strict=False):
             work[name] -= 0.5 * float(np.vdot(before + after, inertia.D[nodes]))
@@ -468,7 +462,7 @@ class Run:
                 change = strain[k] - self.strain[k]
                 taken = np.einsum("eq,eqi,eqij,eqj->", group.dx, change, self._damping[k], change)
                 work["internal damping"] -= float(taken) / h
-        return Made(solved, Rates(inertia.v, inertia.a, inertia.b), work, forces, strain, stored)
+        return Made(solved, Rates(inertia.v, inertia.a, inertia.b), work, forces, strain, stored, added)
 
     def _accept(self, made: Made, h: float) -> None:
         """Take the step."""
@@ -478,7 +472,10 @@ class Run:
             self.strain_before, self.strain, self.strain_step = self.strain, made.strain, h
         self.state, self.g, self.forces = made.solved.state, made.solved.total.g, made.forces
         self.rates, self.stored, self.pressed = made.rates, made.stored, made.solved.pressed
+        self.added += made.added
         self.h = h
+        if self.model.contacts:
+            self._feel_contact()
 
     def _energy(self, state: State, v: np.ndarray) -> float:
         """Kinetic and strain energy [J]."""
@@ -503,37 +500,40 @@ class Run:
         return 0.5 * float(speed**2 @ self.model.space.node_mass)
 
     def _bounced(self, made: Made) -> bool:
-        """True if a step with contact adds energy, or takes more than it should: the barrier was not resolved in time."""
-        energy = self._energy(made.solved.state, made.rates.v)
+        """True if contact adds energy in a step, or takes more than it should: the barrier was not resolved in time."""
+        energy = self._energy(made.solved.state, made.rates.v) + sum(made.stored)
         self.largest_energy = max(self.largest_energy, energy)
         if not (any(self.stored) or any(made.stored)):
-            self.energy = energy
             return False
-        added = energy - self.energy - sum(made.work.values())
-        unsure = RUBBED * sum(
-            abs(told.rubbed) for told in made.solved.pressed
-        )  # friction's work is known to first order
-        if not -LOST * self.largest_energy - unsure <= added <= GAINED * self.largest_energy + unsure:
-            return True
-        self.energy = energy
-        return False
+        # friction's work is known to first order
+        unsure = RUBBED * sum(abs(told.rubbed) for told in made.solved.pressed)
+        least, most = -LOST * self.largest_energy - unsure, GAINED * self.largest_energy + unsure
+        return made.added < least or (made.added > LITTLE * most and self.added + made.added > most)
 
     def _stored(self, state: State) -> list[float]:
         """Energy [J] in each contact term."""
         return [term.potential(state, self.model.space) for term in self.model.contacts]
 
-    def _add_contact_work(self, work: dict[str, float], solved: Solved, t1: float) -> list[float]:
-        """Work on the rods by contact: what its potential and friction gave, less what moving parts took."""
-        stored = self._stored(solved.state)
-        before = zip(self._contact_names, self.model.contacts, self.stored, self.pressed, strict=True)
-        for (name, term, was, last), now, told in zip(before, stored, solved.pressed, strict=True):
-            work[name] += was - now + told.rubbed
+    def _add_contact_work(self, work: dict[str, float], solved: Solved, inertia: InertiaStep, t1: float) -> tuple:
+        """Work on the rods by contact in a step: what its potential and friction gave, less what moving parts took.
+
+        Returns energies stored at its end, and the energy that was added because the force is taken at the end.
+        """
+        stored, late = self._stored(solved.state), inertia.late
+        added = float(np.vdot(inertia.shared, inertia.D)) if self.model.contacts else 0.0
+        both = zip(
+            self._contact_names, self.model.contacts, self.stored, stored, self.pressed, solved.pressed, strict=True
+        )
+        for name, term, was, now, last, told in both:
+            done = was - now + told.rubbed
             if hasattr(term, "part") and term.part.motion is not None:
                 (R, c), (R1, c1) = term.part.pose(self.state.t), term.part.pose(t1)
                 spin = R @ relative_rotation(quaternion_from_matrix(R)[None], quaternion_from_matrix(R1)[None])[0]
                 moved = np.concatenate([c1 - R1 @ R.T @ c, spin])  # of the part's point at the origin of space
-                work[name] -= 0.5 * float((last.load + told.load) @ moved)
-        return stored
+                done -= float((late * told.load + (1.0 - late) * last.load) @ moved)
+            work[name] += done
+            added -= done
+        return stored, added
 
     def _forces(self, state: State, loads: np.ndarray | None = None) -> list[np.ndarray]:
         """What each term adds to the residual at its nodes (n, 6); loads (L, 6): the same, known already."""
@@ -585,25 +585,23 @@ class Run:
         """Everything that the rest of the run depends on."""
         return Checkpoint(
             self.state, self.rates, self.h, self.wanted_h, dict(self.work),
-            [*self.forces, *(told.load for told in self.pressed)], self.g,
-            self.strain, self.strain_before, self.strain_step, self.kept, self.largest_energy, list(self.steps),
+            self.forces, self.g,
+            self.strain, self.strain_before, self.strain_step, self.kept, self.largest_energy, self.added,
+            list(self.steps),
         )  # fmt: skip
 
     def restore(self, saved: Checkpoint) -> None:
         """Go back to a checkpoint of the same model."""
         self.state, self.rates, self.h, self.wanted_h = saved.state, saved.rates, saved.h, saved.wanted_h
-        self.work, self.forces = dict(saved.work), saved.forces[: len(self._others)]
+        self.work, self.forces = dict(saved.work), saved.forces
         self.g, self.kept = saved.residual, saved.kept
         self.strain, self.strain_before, self.strain_step = saved.strain, saved.strain_before, saved.strain_step
         self._tabulate_forces()
         self._start_contact()
-        loads = saved.forces[len(saved.forces) - len(self.pressed) :]
-        self.pressed = tuple(replace(told, load=load) for told, load in zip(self.pressed, loads, strict=True))
-        self.largest_energy = saved.largest_energy
+        self.largest_energy, self.added = saved.largest_energy, saved.added
+        if self.model.contacts:
+            self._feel_contact()
         self.steps[:] = saved.log
-
-
-NOBODY = Driven(np.empty(0, dtype=np.int64), np.empty((0, 2, 3)), np.empty((0, 2, 3)))
 
 
 def _merged(lists: Sequence[np.ndarray], slack: float) -> np.ndarray:
@@ -630,57 +628,3 @@ def _names(terms: Sequence[Any]) -> list[str]:
 def _inside(lists: Sequence[np.ndarray], start: float, end: float) -> np.ndarray:
     every = np.unique(np.concatenate([*lists, np.empty(0)]))
     return every[(every > start) & (every <= end)]
-
-
-def _driven_nodes(model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Nodes (M,) whose rates a support gives, the support's row (M,), and what is given (M, 2): translation, rotation."""
-    c = model.constraints
-    followers = [k for k, row in enumerate(c.lead_row) if row >= 0]
-    nodes = np.concatenate([c.support_node, c.nodes[c.n_supports :][followers]]).astype(np.int64)
-    rows = np.concatenate([np.arange(c.n_supports), c.lead_row[followers]]).astype(np.int64)
-    held = c.held[: c.n_supports][rows].reshape(-1, 2, 3)
-    return nodes, rows, np.asarray(held.all(axis=2))
-
-
-def _inertia(model: Model, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Inertia force (N, 6): (m a, J w' + w x J w)."""
-    J = model.space.node_inertia
-    force = np.empty_like(a)
-    force[:, :3] = model.space.node_mass[:, None] * a[:, :3]
-    force[:, 3:] = J * a[:, 3:] + np.cross(v[:, 3:], J * v[:, 3:])
-    return force
-
-
-def _accelerate(model: Model, state: State, g: np.ndarray, v: np.ndarray, a: np.ndarray, driven: Driven) -> None:
-    """Fill a (N, 6) so that inertia balances the residual g; entries of driven nodes stand already.
-
-    Node by node, because the mass is lumped; nodes that are one joint or held in part are solved together. A released
-    component of a support on a turning part neglects the Coriolis acceleration in this first instant.
-    """
-    c, space = model.constraints, model.space
-    gyroscopic = _inertia(model, v, np.zeros_like(a))
-    rest = -(g + gyroscopic)
-    diagonal = np.concatenate([np.repeat(space.node_mass[:, None], 3, axis=1), space.node_inertia], axis=1)
-    free = rest / diagonal
-    special = set(c.nodes.tolist()) | {int(k) for joint in c.joints for k in joint}
-    ordinary = np.array([k for k in range(space.n_nodes) if k not in special], dtype=np.int64)
-    a[ordinary] = free[ordinary]
-    held = c.evaluate(state, c.targets(state.t))
-    groups = [(row, int(node)) for row, node in enumerate(c.support_node)]
-    groups += [(-1, int(joint[0])) for joint in c.joints if int(joint[0]) not in c.row_of]
-    for row, lead in groups:
-        members = [(lead, np.eye(6))]
-        for k in np.flatnonzero(c.lead == lead):
-            seen = np.eye(6)
-            seen[3:, 3:] = c.seen[k]
-            members.append((int(c.nodes[c.n_supports + k]), seen))
-        T = np.eye(6) if row < 0 or not c.transforms else held.T[row]
-        fixed = np.zeros(6, dtype=bool) if row < 0 else c.held[row]
-        mass = sum(T.T @ P.T @ (diagonal[node][:, None] * P) @ T for node, P in members)
-        force = sum(T.T @ P.T @ rest[node] for node, P in members)
-        y = np.linalg.solve(T, a[lead])
-        y[~fixed] = 0.0
-        if (~fixed).any():
-            y[~fixed] = np.linalg.solve(mass[np.ix_(~fixed, ~fixed)], (force - mass @ y)[~fixed])
-        for node, P in members:
-            a[node] = P @ T @ y

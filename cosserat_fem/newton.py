@@ -107,9 +107,9 @@ class Newton:
         state, pressed = self.approach.accept(solved.state, soften=not in_time)
         return replace(solved, state=state, pressed=pressed)
 
-    def in_time(self, state: State, step: Step, tolerance: float, iterations: int = 0) -> Solved:
-        """End of a time step, from a predicted state. tolerance: relative residual."""
-        return self._solve(state, None, None, iterations, guarded=False, step=step, tolerance=tolerance)
+    def in_time(self, state: State, step: Step, tolerance: float, offset: np.ndarray | None = None) -> Solved:
+        """End of a time step, from a predicted state. tolerance: relative residual; offset (N, 6): added to it."""
+        return self._solve(state, None, offset, 0, guarded=False, step=step, tolerance=tolerance)
 
     def _solve(
         self,
@@ -151,6 +151,8 @@ class Newton:
                 extra = offset
                 if approach is not None and not approach.arrived(state):
                     change = approach.change(state)
+                    if step is not None and change is not None:
+                        change *= step.push
                     extra = offset if change is None else change if offset is None else offset + change
                 total = model.condensed(
                     state, self.linear.scratch, mu, extra, step=step, exact=not guarded

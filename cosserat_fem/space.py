@@ -202,6 +202,11 @@ class Blocks:
     elements: tuple[int, np.ndarray] | None = None
     stiffest: float = 0.0
 
+    def times(self, factor: float) -> Blocks:
+        """The same, so many times as strong."""
+        stiffness = None if self.stiffness is None else factor * self.stiffness
+        return replace(self, force=factor * self.force, stiffness=stiffness, stiffest=factor * self.stiffest)
+
 
 class Space:
     """Meshes, bases and numbering of all rods.

@@ -63,7 +63,7 @@ def plectoneme():
     def look(run):
         frames.append(centreline(model, rod, run.state, 10))
         touched.append(any(told.peak > 0 for told in run.pressed))
-        return len(touched) >= 600
+        return len(touched) >= 340
 
     message = ""
     try:
