@@ -150,6 +150,7 @@ def write_checkpoint(path: pathlib.Path, scene: str, saved: Checkpoint, counters
         "strain_step": saved.strain_step,
         "kept": saved.kept,
         "largest_energy": saved.largest_energy,
+        "added": saved.added,
         "counters": counters,
         "lists": {name: len(_list(saved, name)) for name in LISTS},
     }
@@ -160,7 +161,7 @@ def write_checkpoint(path: pathlib.Path, scene: str, saved: Checkpoint, counters
     if contact is not None:  # the terms in the order of the model
         about["contact"] = {"time": contact.time, "base_time": contact.base_time}
         about["touch"] = [{"scale": touch.scale, "lost": touch.lost} for touch in contact.touch.values()]
-        arrays |= {"base_r": contact.base_r, "base_q": contact.base_q}
+        arrays |= {"base_r": contact.base_r, "base_q": contact.base_q, "lasts": saved.lasts}
         for k, touch in enumerate(contact.touch.values()):
             arrays |= {f"keys_{k}": touch.keys, f"slips_{k}": touch.slips}
     data = pack(about, arrays)
@@ -222,6 +223,8 @@ def read_checkpoint(path: pathlib.Path) -> tuple[str, Checkpoint, dict[str, Any]
         about["strain_step"],
         about["kept"],
         about["largest_energy"],
+        about["added"],
+        arrays.get("lasts"),
         [(t, h, error, bool(accepted)) for t, h, error, accepted in arrays["log"].tolist()],
     )
     return about["scene"], saved, about["counters"]

@@ -32,6 +32,7 @@ import numpy as np
 
 from .errors import ConvergenceError, SceneError, check_positive
 from .history import History, Record
+from .impact import Impact
 from .kernels.inertia import largest_change
 from .kernels.rotation import quaternion_from_matrix, relative_rotation
 from .model import Model
@@ -50,7 +51,6 @@ LONGER, SAFETY = 1.5, 0.8  # growth of a step; aim at this part of the step that
 RUBBED = 0.1  # part of the work of friction in a step that may be missing
 GAINED, LOST = 1e-6, 2e-3  # parts of the largest energy that contact may add in all, or take in a step, by itself
 LITTLE = 1e-3  # of that: added in one step, it is none
-RESOLVED = 0.5  # of the speed where it acts: what contact may add to it in a step that resolves it
 SHORT = 1e-3  # part of a step over which a strain rate is measured
 BEFORE = 1e-13  # of the duration: how long before a jump of a load the step that ends there is evaluated
 
@@ -128,6 +128,7 @@ class Checkpoint:
     kept: int
     largest_energy: float = 0.0
     added: float = 0.0
+    lasts: np.ndarray | None = None
     log: list[tuple[float, float, float, bool]] = field(default_factory=list)
 
 
@@ -167,6 +168,7 @@ class Run:
         self.strain_before: tuple[np.ndarray, ...] = ()
         self.strain_step, self.added = 0.0, 0.0
         self.balance = Balance(model)
+        self.impact = Impact(model, self.balance) if model.contacts else None
         self._others = [term for term in model.terms if term not in model.contacts]
         names = dict(zip(model.terms, _names(model.terms), strict=True))
         self._names = [names[term] for term in self._others]
@@ -276,16 +278,11 @@ class Run:
         model.internal.residual(state, model.space, g, tables)
         self.balance.accelerate(state, g, v, a)
         self.g = g + self.balance.inertia(v, a)
-        if model.contacts:
-            self._feel_contact()
-            a -= self.answer
         self.rates = Rates(v, a, a.copy())
+        if self.impact is not None:
+            a = a - self.balance.share(self.state, -model.touching(self.state))[0]
+            self.rates, self.grip = self.impact.feel(self.state, Rates(v, a, a.copy()))
         self.forces = self._tabulate_forces()
-
-    def _feel_contact(self) -> None:
-        """Force (N, 6) of contact at the present state, and the acceleration that it gives to the nodes."""
-        self.touch = -self.model.touching(self.state)
-        self.answer = self.balance.share(self.state, self.touch)[0]
 
     # steps
 
@@ -326,7 +323,9 @@ class Run:
             t1 = stop if n == 1 else self.state.t + h
             jumps, settles, keeps = self._at_stop[k] if n == 1 else (False, False, self.times is None)
             at = min(t1 - BEFORE * (self.end - self.begin_time), np.nextafter(t1, -np.inf)) if jumps else t1
-            solved, inertia = self._try(h, at, late or self._late(h))
+            solved, inertia = self._try(
+                h, at, late or (1.0 if self.impact is None else self.impact.late(self.grip, self.rates.v, h))
+            )
             error = 0.0
             if solved.converged and isinstance(self.step, AdaptiveStep):
                 error = self._error(solved, inertia, h)
@@ -393,42 +392,20 @@ class Run:
             ]
         inertia = InertiaStep(
             model.space, self.state, rates, np.array([h, *self._method]), driven,
-            wanted=self._velocity_terms, tables=tables, late=late,
+            wanted=self._velocity_terms, tables=tables,
         )  # fmt: skip
+        offset = None if self.impact is None else self.impact.enter(inertia, self.grip, late)
         for acceleration in (0.5, 0.0):  # unresolved vibrations make b a bad guess
-            solved = self._solve(h * rates.v + acceleration * h * h * self._expected(rates.b), t1, inertia, driven)
+            solved = self._solve(h * rates.v + acceleration * h * h * rates.b, t1, inertia, driven, offset)
             if solved.converged:
                 break
-        if solved.converged and model.contacts:
-            solved = self._without_contact(solved, inertia)
+        if solved.converged and self.impact is not None:
+            solved = self.impact.leave(inertia, self.grip, solved)
         return solved, inertia
 
-    def _expected(self, b: np.ndarray) -> np.ndarray:
-        """Acceleration (N, 6) to begin a step with: contact goes on where it holds a node against what else acts on it."""
-        if not any(self.stored):
-            return b
-        both = b + self.answer
-        return np.where((both**2).sum(1, keepdims=True) < (b**2).sum(1, keepdims=True), both, b)
-
-    def _late(self, h: float) -> float:
-        """Part of the force of contact to take at the end of a step: half of it, for the order, once steps resolve it."""
-        if not self.model.contacts:
-            return 1.0
-        touching = (self.answer != 0.0).any(axis=1)
-        speed = np.sqrt((self.rates.v[touching, :3] ** 2).sum(axis=1).max(initial=0.0))
-        gained = h * np.sqrt((self.answer[:, :3] ** 2).sum(axis=1).max())
-        return 0.5 if gained <= RESOLVED * speed else 1.0
-
-    def _without_contact(self, solved: Solved, inertia: InertiaStep) -> Solved:
-        """A converged step whose rates leave contact out and whose residual takes it once, as it is at the end."""
-        last = -self.model.touching(solved.state)
-        inertia.shared = inertia.late * last + (1.0 - inertia.late) * self.touch
-        answer, left = self.balance.share(solved.state, inertia.shared)
-        inertia.leave_out(answer)
-        g = solved.total.g + inertia.counted * left - self.balance.share(solved.state, last)[1]
-        return replace(solved, total=replace(solved.total, g=g))
-
-    def _solve(self, D: np.ndarray, t1: float, inertia: InertiaStep, driven: Driven) -> Solved:
+    def _solve(
+        self, D: np.ndarray, t1: float, inertia: InertiaStep, driven: Driven, offset: np.ndarray | None
+    ) -> Solved:
         """The step from the prediction D (N, 6)."""
         model = self.model
         stress = model.internal.extrapolate(self.state, model.space, D, 1.0, inertia.tables)
@@ -436,7 +413,6 @@ class Run:
             start = self.state.at_time(t1)
             guess, part = self.newton.approach.move(start, D, 1.0, stiffen=False)
             memory = tuple(a + part * (b - a) for a, b in zip(start.stress, stress, strict=True))
-            offset = None if inertia.late == 1.0 else -inertia.counted * (1.0 - inertia.late) * self.touch
             return self.newton.in_time(replace(guess, stress=memory), inertia, TOLERANCE, offset)
         guess = model.space.update(self.state, D, 1.0, stress).at_time(t1)
         if self._compiled is not None:
@@ -474,8 +450,8 @@ class Run:
         self.rates, self.stored, self.pressed = made.rates, made.stored, made.solved.pressed
         self.added += made.added
         self.h = h
-        if self.model.contacts:
-            self._feel_contact()
+        if self.impact is not None:
+            self.rates, self.grip = self.impact.feel(self.state, self.rates, self.grip.lasts)
 
     def _energy(self, state: State, v: np.ndarray) -> float:
         """Kinetic and strain energy [J]."""
@@ -587,7 +563,7 @@ class Run:
             self.state, self.rates, self.h, self.wanted_h, dict(self.work),
             self.forces, self.g,
             self.strain, self.strain_before, self.strain_step, self.kept, self.largest_energy, self.added,
-            list(self.steps),
+            None if self.impact is None else self.grip.lasts, list(self.steps),
         )  # fmt: skip
 
     def restore(self, saved: Checkpoint) -> None:
@@ -599,8 +575,9 @@ class Run:
         self._tabulate_forces()
         self._start_contact()
         self.largest_energy, self.added = saved.largest_energy, saved.added
-        if self.model.contacts:
-            self._feel_contact()
+        if self.impact is not None:
+            _, self.grip = self.impact.feel(self.state, self.rates, saved.lasts)
+            self.grip = replace(self.grip, lasts=saved.lasts)
         self.steps[:] = saved.log
 
 

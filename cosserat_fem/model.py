@@ -66,7 +66,7 @@ class Step(Protocol):
     """What a time step adds to a model: inertia, velocity and, with internal damping, other tables of the rods."""
 
     tables: list[tuple[Any, ...]] | None
-    push: float  # how many times contact counts in the residual
+    push: np.ndarray  # how many times contact counts in the residual (N, 6)
     heaviest: tuple[float, float]  # largest change of a node's inertia force [N/m] and moment [N m/rad]
 
     def with_velocity(self, state: State) -> State:
@@ -221,9 +221,9 @@ class Model:
         if not (np.isfinite(state.r).all() and np.isfinite(state.q).all()):
             raise ValueError("start: holds places or rotations that are not finite.")
 
-    def external(self, state: State, *, tangent: bool, exact: bool = True, push: float = 1.0) -> External:
-        """All terms but the internal force. exact: contact with its full tangent, not only its positive part; push: how
-        many times contact counts."""
+    def external(self, state: State, *, tangent: bool, exact: bool = True, push: np.ndarray | None = None) -> External:
+        """All terms but the internal force. exact: contact with its full tangent, not only its positive part; push (N, 6):
+        how many times contact counts."""
         g, nodal = np.zeros((self.space.n_nodes, 6)), NO_BLOCKS
         elements: dict[int, list[Blocks]] = {}
         coupled: list[Blocks] = []
@@ -233,8 +233,8 @@ class Model:
             if term in self.contacts:
                 blocks = term(state, self.space, tangent=tangent, exact=exact)  # type: ignore[call-arg]
                 pressing = blocks.stiffest > 0.0
-                stiffest = max(stiffest, push * blocks.stiffest)
-                if pressing and push != 1.0:
+                stiffest = max(stiffest, blocks.stiffest)
+                if pressing and push is not None:
                     blocks = blocks.times(push)
             else:
                 blocks = term(state, self.space, tangent=tangent)
@@ -278,7 +278,7 @@ class Model:
         tables, largest = None, (0.0, 0.0)
         if step is not None:
             state, tables = step.with_velocity(state), step.tables
-        outside = self.external(state, tangent=False, push=1.0 if step is None else step.push)
+        outside = self.external(state, tangent=False, push=None if step is None else step.push)
         g = outside.g
         if step is not None:
             largest = step.add(state, g, NO_BLOCKS)
@@ -299,7 +299,7 @@ class Model:
         tables, largest = None, (0.0, 0.0)
         if step is not None:
             state, tables = step.with_velocity(state), step.tables
-        outside = self.external(state, tangent=True, exact=exact, push=1.0 if step is None else step.push)
+        outside = self.external(state, tangent=True, exact=exact, push=None if step is None else step.push)
         g, nodal = outside.g, outside.nodal
         if step is not None:
             if not len(nodal):

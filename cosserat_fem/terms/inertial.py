@@ -45,11 +45,7 @@ class InertiaStep:
     wanted : True if a term asks for the velocity
     tables : of rods with internal damping, else None
     shared (N, 6) : force of contact in the step, once it is known
-    late : part of the force of contact that is taken at the end of the step, the rest at its begin
-
-    Contact enters a step by itself: an acceleration w by contact adds h w to the velocity and beta / gamma h^2 w to the
-    displacement, and leaves a and b alone. The rates that an increment has by the method are then right for v and too large
-    in b by w / gamma, in a by `counted` w; so the residual takes contact `counted` times.
+    push, late, counted : how contact enters, see `impact`
     """
 
     def __init__(
@@ -62,30 +58,25 @@ class InertiaStep:
         *,
         wanted: bool,
         tables: list[tuple[Any, ...]] | None = None,
-        late: float = 1.0,
     ) -> None:
         self.space, self.start, self.rates, self.coefficients = space, state, rates, coefficients
-        self.driven, self.wanted, self.tables, self.late = driven, wanted, tables, late
+        self.driven, self.wanted, self.tables = driven, wanted, tables
         h, am, af, beta, gamma = coefficients
         self.slope = gamma / (beta * h)
         self.grows = (1 - am) / ((1 - af) * beta * h * h)  # of an acceleration with an increment
         self.heaviest = (self.grows * space.heaviest[0], self.grows * space.heaviest[1])
         self.counted = (1 - am) / ((1 - af) * gamma)
-        self.push = late * self.counted
+        self.push, self.late = NO_FORCE, 1.0
         self.D, self.v, self.a, self.b = np.empty((4, space.n_nodes, 6))
         self.shared = NO_FORCE
 
     def again(self) -> InertiaStep:
         """The same step with arrays of its own, to be evaluated without changing what this one found."""
-        return InertiaStep(
-            self.space, self.start, self.rates, self.coefficients, self.driven, wanted=self.wanted, tables=self.tables,
-            late=self.late,
-        )  # fmt: skip
-
-    def leave_out(self, w: np.ndarray) -> None:
-        """Take the acceleration w (N, 6) by contact out of a and b."""
-        self.a -= self.counted * w
-        self.b -= w / self.coefficients[4]
+        same = InertiaStep(
+            self.space, self.start, self.rates, self.coefficients, self.driven, wanted=self.wanted, tables=self.tables
+        )
+        same.push, same.late = self.push, self.late
+        return same
 
     def with_velocity(self, state: State) -> State:
         """The state with the velocity that the step gives it."""
