@@ -29,6 +29,8 @@ from .strand import element_polynomial, nearest_on_strand, place_at
 COLUMNS, OUT = 24, 26
 ABOUT_TO_SLIP = 0.999
 MOST_PIECES = 32  # of a cell over small facets
+# pieces of a cell that may touch, so that each has one smallest gap; longest arc of a cell over its chord
+ON_STRAND, ON_SHAPE, BENT = 4, 2, 1.1
 FLAT = 1e-10  # of the range of the law: a change of the gap that does not count
 # Gauss rules on 0 .. 1: three points where a whole cell touches, four on a stretch that begins or ends
 X_1, W_1 = np.array([0.0]), np.array([1.0])
@@ -192,17 +194,27 @@ def find(entries, cells, counts, tips, conn, coefficients, h, r, obstacles, mesh
         kind, size, level = kinds[o], sizes[o], levels[o]
         element_polynomial(conn[e], coefficients, r, Q[o], c[o], C)
         out[17] = -1.0
-        pieces = 1
-        if mesh is not None and kind == MESH:
-            pieces = pieces_over(mesh, first, last, h[e] / counts[e])
-        b = number / counts[e]
+        begin, end = number / counts[e], (number + 1) / counts[e]
+        look(C, end, kind, size, mesh, rods, first, last, y, slope, out)
+        g1, f1, y0, y1, y2 = out[0], out[13], y[0], y[1], y[2]
+        b = begin
         look(C, b, kind, size, mesh, rods, first, last, y, slope, out)
         gb, fb = out[0], out[13]
+        if mesh is not None and kind == MESH:
+            pieces = pieces_over(mesh, first, last, h[e] / counts[e])
+        elif gb < level and g1 < level:
+            pieces = 1
+        else:
+            chord = sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
+            pieces = (ON_STRAND if rods is not None else ON_SHAPE) if gb + g1 - BENT * chord < 2.0 * level else 1
         for piece in range(pieces):
             a, ga, fa = b, gb, fb
-            b = (number + (piece + 1) / pieces) / counts[e]
-            look(C, b, kind, size, mesh, rods, first, last, y, slope, out)
-            gb, fb = out[0], out[13]
+            if piece + 1 < pieces:
+                b = begin + (end - begin) * (piece + 1) / pieces
+                look(C, b, kind, size, mesh, rods, first, last, y, slope, out)
+                gb, fb = out[0], out[13]
+            else:
+                b, gb, fb = end, g1, f1
             for k in range(2):  # of no length in itself
                 w = tips[cell, k]
                 if w > 0.0 and piece == (0 if k == 0 else pieces - 1) and (ga if k == 0 else gb) < level:
