@@ -32,8 +32,9 @@ MOST_PIECES = 32  # of a cell over small facets
 # pieces of a cell that may touch, so that each has one smallest gap; longest arc of a cell over its chord
 ON_STRAND, ON_SHAPE, BENT = 4, 2, 1.1
 FLAT = 1e-10  # of the range of the law: a change of the gap that does not count
-# Gauss rules on 0 .. 1: three points where a whole cell touches, four on a stretch that begins or ends
+# Gauss rules on 0 .. 1: three points where a whole cell touches, two on its pieces, four on a stretch that begins or ends
 X_1, W_1 = np.array([0.0]), np.array([1.0])
+X_2, W_2 = np.array([0.21132486540518713, 0.7886751345948129]), np.array([0.5, 0.5])
 X_3, W_3 = (
     np.array([0.1127016653792583, 0.5, 0.8872983346207417]),
     np.array([0.27777777777777785, 0.4444444444444444, 0.27777777777777785]),
@@ -202,7 +203,7 @@ def find(entries, cells, counts, tips, conn, coefficients, h, r, obstacles, mesh
         gb, fb = out[0], out[13]
         if mesh is not None and kind == MESH:
             pieces = pieces_over(mesh, first, last, h[e] / counts[e])
-        elif gb < level and g1 < level:
+        elif rods is None and gb < level and g1 < level:
             pieces = 1
         else:
             chord = sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
@@ -240,10 +241,12 @@ def find(entries, cells, counts, tips, conn, coefficients, h, r, obstacles, mesh
                 high = root(C, bottom, b, level, kind, size, mesh, rods, first, last, y, slope, out)
             whole = ga < level and gb < level and not inner_minimum
             middle = bottom if inner_minimum else low
+            X, W = X_4, W_4
+            if whole:
+                X, W = (X_3, W_3) if rods is None else (X_2, W_2)
             for k in range(2):
                 count = add_stretch(
-                    C, low if k == 0 else middle, middle if k == 0 else high, h[e], X_3 if whole else X_4,
-                    W_3 if whole else W_4, Q[o], kind, size, mesh, rods, first, last, y, slope, out, count, m, rows, owners,
+                    C, low if k == 0 else middle, middle if k == 0 else high, h[e], X, W, Q[o], kind, size, mesh, rods, first, last, y, slope, out, count, m, rows, owners,
                 )  # fmt: skip
     return count, nearest, where, place
 
