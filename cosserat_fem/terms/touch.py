@@ -18,7 +18,7 @@ from ..rod import Rod
 from ..space import Space, Touch
 
 CELL = 1.5  # longest cell in radii
-TIP = 0.01  # radii: length that counts at the very end of a rod
+TIP = 0.01  # radii: length that counts at the very end of a rod, and at a kink
 RANGE = 2e-3  # range of the barrier in radii: stand-off errors are at most half of it
 ELASTIC = 5e-3  # elastic slip in radii
 BENDING = 10.0  # times EI / L^2: force expected at a place
@@ -33,7 +33,7 @@ class Cells:
     radii (rods,); nodes (E, A): node numbers of elements; coefficients (A, A) of the shape functions in powers of xi - 1/2;
     h (E,) [m] length of each element, begin (E,) [m] where it begins on its rod; counts (E,): cells in it; cells (n, 2):
     element and number in it; rod_of (n,), bounds (rods, 2): rod of each cell, first and last cell of each rod; tips
-    (n, 2) [m]: see `kernels.contact.find`; group, numbers (E,): where the elements are in the space.
+    (n, 2) [m]: see `kernels.contact.find`, at ends of rods and kinks; group, numbers (E,): where the elements are in the space.
     """
 
     rods: tuple[Rod, ...]
@@ -79,6 +79,9 @@ class Cells:
         bounds = np.stack([first, np.append(first[1:], len(rod_of)) - 1], axis=1)
         tips = np.zeros((len(rod_of), 2))
         tips[bounds[:, 0], 0] = tips[bounds[:, 1], 1] = TIP * np.array(radii)
+        if len(xi) == 2:  # straight elements meet in kinks
+            ends = np.cumsum(per_element) - 1
+            tips[ends, 1] = TIP * np.array(radii)[rod_of[ends]]
         return cls(
             tuple(rods), np.array(radii, dtype=float), np.concatenate(nodes), coefficients, np.concatenate(h),
             np.concatenate(begin), per_element, np.stack([element, number], axis=1), rod_of, bounds, tips,
