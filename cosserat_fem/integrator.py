@@ -15,9 +15,9 @@ that the step does not resolve make b large and move nothing: where the estimate
 the matrix of the step, (ca M + K) e = ca M h^2 c (b1 - b0), which leaves slow motions as they are and removes these
 (the filter of Shampine and of Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8).
 
-Contact is collocated at the end of a step. A step across an impact that does not resolve the barrier would add energy, so
-with contact every step is held against the ledger: one that adds energy, or takes more than a little, is made again
-shorter. `AdaptiveStep` besides follows every wave that an impact sends along a rod; where these do not matter, or there is
+How contact enters a step is `impact`'s. With contact every step is held against its ledger: one in which contact adds
+energy, or takes more than a little, because the barrier is not resolved, is made again shorter. `AdaptiveStep` besides
+follows every wave that an impact sends along a rod; where these do not matter, or there is
 nothing to damp them, `FixedStep` is the choice.
 """
 

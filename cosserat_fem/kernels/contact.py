@@ -173,14 +173,25 @@ def pieces_over(mesh, first, last, length):
     return int(min(max(np.ceil(2.0 * length / max(width, 1e-300)), 1.0), MOST_PIECES))
 
 
+@inner
+def shorten(mesh, first, last, y, far, short):
+    """Write to `short` the triangles index[first:last] that may be nearer to y than `far`; how many."""
+    n = 0
+    for k in range(first, last):
+        if not beyond(mesh, k, y, far):
+            short[n] = mesh[2][k]
+            n += 1
+    return n
+
+
 @kernel
 def find(entries, cells, counts, tips, conn, coefficients, h, r, obstacles, mesh, rods, room, rows, owners):
     """Gauss points of all stretches on which an obstacle presses.
 
     entries (M, 4): cell, obstacle, and where its triangles or the cells of its strand begin and end; cells (n, 2):
     element, number in it; counts (E,): cells in each element; tips (n, 2) [m]: length that counts at the very end of a
-    rod or at a kink, where a cell begins or ends with it, so that these are stopped like the rest. obstacles: kinds (O,), sizes (O, 3),
-    frames Q (O, 3, 3), c (O, 3), levels (O,): distances below which they press, cores (O,): distances that are never
+    rod or at a kink, where a cell begins or ends with it, so that these are stopped like the rest. obstacles: kinds (O,),
+    sizes (O, 3), frames Q (O, 3, 3), c (O, 3), levels (O,): distances below which they press, cores (O,): distances that are never
     reached. mesh: as `shapes.triangles` takes it; rods: as `strand.nearest_on_strand` takes them; None where there is none,
     which is another compiled version. rows (K, COLUMNS), owners (K,): written, up to `room`.
     Returns (points wanted, smallest distance - core, its entry, its xi).
@@ -188,21 +199,35 @@ def find(entries, cells, counts, tips, conn, coefficients, h, r, obstacles, mesh
     A = conn.shape[1]
     kinds, sizes, Q, c, levels, cores = obstacles
     C, y, slope, out = np.empty((A, 3)), np.empty(3), np.empty(3), np.empty(OUT)
-    count, nearest, where, place = 0, np.inf, -1, 0.0
+    count, nearest, where, place, n_cell = 0, np.inf, -1, 0.0, 0
+    longest = 0
+    for m in range(entries.shape[0]):
+        longest = max(longest, entries[m, 3] - entries[m, 2])
+    cell_list, piece_list = np.empty(longest, dtype=np.int64), np.empty(longest, dtype=np.int64)
     for m in range(entries.shape[0]):
         cell, o, first, last = entries[m]
         e, number = cells[cell]
-        kind, size, level = kinds[o], sizes[o], levels[o]
+        kind, size, level, few = kinds[o], sizes[o], levels[o], mesh
         element_polynomial(conn[e], coefficients, r, Q[o], c[o], C)
         out[17] = -1.0
         begin, end = number / counts[e], (number + 1) / counts[e]
-        look(C, end, kind, size, mesh, rods, first, last, y, slope, out)
+        if mesh is not None and kind == MESH:
+            place_at(C, begin, y, slope)
+            y0, y1, y2 = y[0], y[1], y[2]
+            look(C, 0.5 * (begin + end), kind, size, mesh, rods, first, last, y, slope, out)
+            half = BENT * sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
+            if out[0] - half >= level and out[0] - half - cores[o] >= nearest:
+                continue
+            last = shorten(mesh, first, last, y, out[0] + 2.0 * half, cell_list)
+            first, few = 0, (mesh[0], mesh[1], cell_list, mesh[3], mesh[4], mesh[5])
+            out[17] = -1.0
+        look(C, end, kind, size, few, rods, first, last, y, slope, out)
         g1, f1, y0, y1, y2 = out[0], out[13], y[0], y[1], y[2]
         b = begin
-        look(C, b, kind, size, mesh, rods, first, last, y, slope, out)
+        look(C, b, kind, size, few, rods, first, last, y, slope, out)
         gb, fb = out[0], out[13]
         if mesh is not None and kind == MESH:
-            pieces = pieces_over(mesh, first, last, h[e] / counts[e])
+            pieces, n_cell = pieces_over(few, first, last, h[e] / counts[e]), last
         elif rods is None and gb < level and g1 < level:
             pieces = 1
         else:
@@ -210,25 +235,35 @@ def find(entries, cells, counts, tips, conn, coefficients, h, r, obstacles, mesh
             pieces = (ON_STRAND if rods is not None else ON_SHAPE) if gb + g1 - BENT * chord < 2.0 * level else 1
         for piece in range(pieces):
             a, ga, fa = b, gb, fb
+            b = begin + (end - begin) * (piece + 1) / pieces if piece + 1 < pieces else end
+            if mesh is not None and kind == MESH:
+                place_at(C, a, y, slope)
+                y0, y1, y2 = y[0], y[1], y[2]
+                out[17] = -1.0
+                few = (mesh[0], mesh[1], cell_list, mesh[3], mesh[4], mesh[5])
+                look(C, 0.5 * (a + b), kind, size, few, rods, first, n_cell, y, slope, out)
+                half = BENT * sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
+                last = shorten(few, first, n_cell, y, out[0] + 2.0 * half, piece_list)
+                few = (mesh[0], mesh[1], piece_list, mesh[3], mesh[4], mesh[5])
+                out[17] = -1.0
             if piece + 1 < pieces:
-                b = begin + (end - begin) * (piece + 1) / pieces
-                look(C, b, kind, size, mesh, rods, first, last, y, slope, out)
+                look(C, b, kind, size, few, rods, first, last, y, slope, out)
                 gb, fb = out[0], out[13]
             else:
-                b, gb, fb = end, g1, f1
+                gb, fb = g1, f1
             for k in range(2):  # of no length in itself
                 w = tips[cell, k]
                 if w > 0.0 and piece == (0 if k == 0 else pieces - 1) and (ga if k == 0 else gb) < level:
                     xi = a if k == 0 else b
                     count = add_stretch(
-                        C, xi, xi + w / h[e], h[e], X_1, W_1, Q[o], kind, size, mesh, rods, first, last, y, slope, out,
+                        C, xi, xi + w / h[e], h[e], X_1, W_1, Q[o], kind, size, few, rods, first, last, y, slope, out,
                         count, m, rows, owners,
                     )  # fmt: skip
             bottom, g = a if ga < gb else b, min(ga, gb)
             inner_minimum = fa < 0.0 < fb
             if inner_minimum:
                 flat = FLAT * (level - cores[o])
-                bottom = lowest(C, a, b, fa, fb, flat, kind, size, mesh, rods, first, last, y, slope, out)
+                bottom = lowest(C, a, b, fa, fb, flat, kind, size, few, rods, first, last, y, slope, out)
                 g = min(g, out[0])
             if g - cores[o] < nearest:
                 nearest, where, place = g - cores[o], m, bottom
@@ -236,9 +271,9 @@ def find(entries, cells, counts, tips, conn, coefficients, h, r, obstacles, mesh
                 continue
             low, high = a, b
             if ga >= level:
-                low = root(C, bottom, a, level, kind, size, mesh, rods, first, last, y, slope, out)
+                low = root(C, bottom, a, level, kind, size, few, rods, first, last, y, slope, out)
             if gb >= level:
-                high = root(C, bottom, b, level, kind, size, mesh, rods, first, last, y, slope, out)
+                high = root(C, bottom, b, level, kind, size, few, rods, first, last, y, slope, out)
             whole = ga < level and gb < level and not inner_minimum
             middle = bottom if inner_minimum else low
             X, W = X_4, W_4
@@ -246,7 +281,8 @@ def find(entries, cells, counts, tips, conn, coefficients, h, r, obstacles, mesh
                 X, W = (X_3, W_3) if rods is None else (X_2, W_2)
             for k in range(2):
                 count = add_stretch(
-                    C, low if k == 0 else middle, middle if k == 0 else high, h[e], X, W, Q[o], kind, size, mesh, rods, first, last, y, slope, out, count, m, rows, owners,
+                    C, low if k == 0 else middle, middle if k == 0 else high, h[e], X, W, Q[o], kind, size, few, rods,
+                    first, last, y, slope, out, count, m, rows, owners,
                 )  # fmt: skip
     return count, nearest, where, place
 

@@ -143,7 +143,7 @@ def search(
     cells: Cells, entries: np.ndarray, r: np.ndarray, obstacles: Obstacles, Q: np.ndarray, c: np.ndarray
 ) -> Found:
     """All places at which cells are pressed, of entries (M, 4): cell, obstacle, and its first and last piece."""
-    room = 64 + 8 * len(entries)
+    room = 64 + (8 if obstacles.mesh is None and obstacles.rods is None else 20) * len(entries)
     while True:
         rows, owners = np.empty((room, COLUMNS)), np.empty(room, dtype=np.int64)
         count, gap, where, place = find(

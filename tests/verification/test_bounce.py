@@ -51,7 +51,6 @@ def test_energy_never_grows():
     assert energy.max() <= (1 + 1e-4) * energy[0]
 
 
-@pytest.mark.xfail(reason="velocities ring from step to step for some 60 steps after contact ends", strict=True)
 @pytest.mark.filterwarnings("ignore:energy ledger")
 def test_energy_stands_in_flight():
     """Between two bounces nothing adds or takes energy."""

@@ -120,13 +120,8 @@ def test_throws(target, tmp_path, report):
     assert all(t.touched for t in thrown)
 
 
-KINKS = "straight elements meet a face with the kink between two of them: no point of the rule is at the lowest place"
-
-
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(
-    "target", ["wire", "edge", pytest.param("sheet", marks=pytest.mark.xfail(reason=KINKS, strict=True)), "rod"]
-)
+@pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.slow
 def test_throws_end(target, tmp_path):
     """Ten throws come to their end and are not given up."""
