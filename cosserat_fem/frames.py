@@ -161,9 +161,11 @@ def write_checkpoint(path: pathlib.Path, scene: str, saved: Checkpoint, counters
     if contact is not None:  # the terms in the order of the model
         about["contact"] = {"time": contact.time, "base_time": contact.base_time}
         about["touch"] = [{"scale": touch.scale, "lost": touch.lost} for touch in contact.touch.values()]
-        arrays |= {"base_r": contact.base_r, "base_q": contact.base_q, "lasts": saved.lasts}
+        arrays |= {"base_r": contact.base_r, "base_q": contact.base_q}
         for k, touch in enumerate(contact.touch.values()):
             arrays |= {f"keys_{k}": touch.keys, f"slips_{k}": touch.slips}
+    if saved.lasts is not None:
+        arrays["lasts"] = saved.lasts
     data = pack(about, arrays)
 
     def write(temporary: pathlib.Path) -> None:

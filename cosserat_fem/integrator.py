@@ -575,7 +575,7 @@ class Run:
         self._tabulate_forces()
         self._start_contact()
         self.largest_energy, self.added = saved.largest_energy, saved.added
-        if self.impact is not None:
+        if self.impact is not None and saved.lasts is not None:
             _, self.grip = self.impact.feel(self.state, self.rates, saved.lasts)
             self.grip = replace(self.grip, lasts=saved.lasts)
         self.steps[:] = saved.log

@@ -191,9 +191,9 @@ def find(entries, cells, counts, tips, conn, coefficients, h, r, obstacles, mesh
     entries (M, 4): cell, obstacle, and where its triangles or the cells of its strand begin and end; cells (n, 2):
     element, number in it; counts (E,): cells in each element; tips (n, 2) [m]: length that counts at the very end of a
     rod or at a kink, where a cell begins or ends with it, so that these are stopped like the rest. obstacles: kinds (O,),
-    sizes (O, 3), frames Q (O, 3, 3), c (O, 3), levels (O,): distances below which they press, cores (O,): distances that are never
-    reached. mesh: as `shapes.triangles` takes it; rods: as `strand.nearest_on_strand` takes them; None where there is none,
-    which is another compiled version. rows (K, COLUMNS), owners (K,): written, up to `room`.
+    sizes (O, 3), frames Q (O, 3, 3), c (O, 3), levels (O,): distances below which they press, cores (O,): distances that
+    are never reached. mesh: as `shapes.triangles` takes it; rods: as `strand.nearest_on_strand` takes them; None where there
+    is none, which is another compiled version. rows (K, COLUMNS), owners (K,): written, up to `room`.
     Returns (points wanted, smallest distance - core, its entry, its xi).
     """
     A = conn.shape[1]

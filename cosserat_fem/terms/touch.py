@@ -33,7 +33,8 @@ class Cells:
     radii (rods,); nodes (E, A): node numbers of elements; coefficients (A, A) of the shape functions in powers of xi - 1/2;
     h (E,) [m] length of each element, begin (E,) [m] where it begins on its rod; counts (E,): cells in it; cells (n, 2):
     element and number in it; rod_of (n,), bounds (rods, 2): rod of each cell, first and last cell of each rod; tips
-    (n, 2) [m]: see `kernels.contact.find`, at ends of rods and kinks; group, numbers (E,): where the elements are in the space.
+    (n, 2) [m]: see `kernels.contact.find`, at ends of rods and kinks; group, numbers (E,): where the elements are in the
+    space.
     """
 
     rods: tuple[Rod, ...]
