@@ -8,7 +8,7 @@ once; facts worth a warning are kept in `warnings` and logged.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,7 +21,7 @@ from scipy.sparse import coo_matrix, csc_matrix
 from .constraint import Constraints
 from .errors import SceneError, nearest
 from .mechanism import Part
-from .rod import Rod
+from .rod import Elements, Rod
 from .space import Blocks, Space, State
 from .support import Clamp, Pin, Support, Weld
 from .terms import Term
@@ -90,6 +90,8 @@ class Model:
     rotation : "quaternion" or "kardan"
         Interpolation of the rotations. "kardan" uses the angles (psi, theta, phi) of the source paper: singular where
         a rod points along x, not objective; for comparison.
+    elements : {rod: Elements}, optional
+        For rods that do not take the elements they ask for themselves.
 
     Attributes
     ----------
@@ -111,6 +113,7 @@ class Model:
         terms: Sequence[Term] = (),
         *,
         rotation: Literal["quaternion", "kardan"] = "quaternion",
+        elements: Mapping[Rod, Elements] | None = None,
     ) -> None:
         if rotation not in ("quaternion", "kardan"):
             raise ValueError(f"model: rotation must be 'quaternion' or 'kardan' (got {rotation!r}).")
@@ -133,7 +136,7 @@ class Model:
             raise SceneError(
                 "model: welds need rotation = 'quaternion'; Kardan angles cannot join two rods at an angle."
             )
-        self.space = Space(self.rods, self._marks(), rotation)
+        self.space = Space(self.rods, self._marks(), rotation, elements)
         self.internal: InternalForce = QuaternionBeam() if rotation == "quaternion" else KardanBeam()
         self.constraints = Constraints(self.space, self.supports, self.welds)
         self.symmetric = all(term.symmetric for term in self.terms)
@@ -152,6 +155,14 @@ class Model:
         other.contacts = tuple(term for term in terms if getattr(term, "contact", False))
         other.symmetric = all(term.symmetric for term in terms)
         other.warnings = []
+        return other
+
+    def with_elements(self, elements: Mapping[Rod, Elements]) -> Model:
+        """The same system on other elements; rods, supports and terms are the same objects, and so is `warnings`."""
+        other = Model(
+            self.rods, [*self.supports, *self.welds], self.terms, rotation=self.rotation, elements=elements
+        )  # fmt: skip
+        other.warnings = self.warnings
         return other
 
     def _check_members(self) -> None:

@@ -26,6 +26,36 @@ SNAP = 0.3  # an element boundary closer than this part of an element to a wante
 
 
 @dataclass(frozen=True, eq=False)
+class Elements:
+    """Elements along a rod: degree of the shape functions, and boundaries ends (n + 1,) [m] from 0 to the rod's length."""
+
+    order: int
+    ends: Any
+
+    def __post_init__(self) -> None:
+        check_integer("elements: order", self.order, 1, 8)
+        ends = check_shape("elements: ends", self.ends, (-1,))
+        if len(ends) < 2 or (np.diff(ends) <= 0).any():
+            raise ValueError("elements: ends must be at least two increasing places.")
+        object.__setattr__(self, "ends", ends)
+
+    def check(self, rod: Rod, marks: Sequence[float]) -> Elements:
+        """These elements with ends exactly on the rod's; ValueError if they do not fit it."""
+        where, slack = f"elements of rod {rod.name!r}", SAME * rod.length
+        if abs(self.ends[0]) > slack or abs(self.ends[-1] - rod.length) > slack:
+            raise ValueError(
+                f"{where}: must run from 0 to {rod.length:g} m (got {self.ends[0]:g} to {self.ends[-1]:g} m)."
+            )
+        ends = self.ends.copy()
+        ends[[0, -1]] = 0.0, rod.length
+        for s in marks:
+            k = int(np.argmin(np.abs(ends - s)))
+            if abs(ends[k] - s) > slack:
+                raise ValueError(f"{where}: none ends at s = {s:.6g} m, where a support or load needs a node.")
+        return Elements(self.order, ends)
+
+
+@dataclass(frozen=True, eq=False)
 class Rod:
     """A rod: a curve with a section.
 
@@ -224,6 +254,10 @@ class Rod:
             return np.tile(self.rest.reshape(-1, 3)[0], (len(s), 1))
         knots = np.linspace(0.0, self.length, len(self.rest))
         return np.stack([np.interp(s, knots, column) for column in self.rest.T], axis=-1)
+
+    def elements(self, marks: Sequence[float] = ()) -> Elements:
+        """The elements that the rod asks for, with a boundary at every mark."""
+        return Elements(self.order, self.element_ends(marks))
 
     def element_ends(self, marks: Sequence[float] = ()) -> np.ndarray:
         """Element boundaries (n + 1,) [m] from 0 to `length`, with one at every mark and at every step of the section.

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from .accuracy import add_errors
 from .checks import bend_radius, clearance, distance_from_drawing, worst
 from .dynamics import RigidVelocity, solve_dynamic
 from .errors import ConvergenceError, CosseratError, SceneError, one_line, out_of_memory
@@ -357,6 +358,8 @@ class _Writer:
         }
         if history is not None and len(history):
             data |= describe(history, self.scene.parts)
+            with self.phases.measure("estimate"):
+                data["discretisation"] = add_errors(data, history, describe, self.scene.parts)
         data |= {
             "warnings": self.scene.model.warnings,
             "seconds": {"wall": self.phases.wall, "cpu": self.phases.cpu},
@@ -434,7 +437,7 @@ def _describe_rod(history: History, rod: Any) -> dict[str, Any]:
     lengths = stretch @ dx
     return {
         "elements": len(history.model.space[rod].vertices) - 1,
-        "order": rod.order,
+        "order": history.model.space[rod].mesh.order,
         "length": {"free": float(rod.length), "drawn": float(rod.drawn_length), "longest": float(lengths.max())},
         "largest_strain": {name: worst(np.abs(strain[..., k]), t, stations) for k, name in enumerate(names)},
         "smallest_bend_radius": radius if np.isfinite(radius["value"]) else None,

@@ -11,9 +11,9 @@ increments (Kardan). A state is a value: an update makes a new one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,7 @@ from .kernels.rotation import (
     quaternion_from_matrix,
     rotate_bodies,
 )
-from .rod import Rod
+from .rod import Elements, Rod
 
 SINGULAR_COSINE = np.cos(np.radians(89.5))  # Kardan angles are refused nearer to theta = 90 deg than this
 
@@ -40,6 +40,12 @@ def gauss_lobatto(order: int) -> np.ndarray:
     """Gauss-Lobatto points (order + 1,) on [0, 1]: the ends and the zeros of the derivative of P_order."""
     legendre = np.polynomial.Legendre.basis(order)
     return 0.5 * (1.0 + np.concatenate([[-1.0], np.sort(legendre.deriv().roots().real), [1.0]]))
+
+
+@cache
+def gll_element(order: int) -> ElementLineGLL:
+    """The element of an order, made once."""
+    return ElementLineGLL(order)
 
 
 class ElementLineGLL(ElementH1):
@@ -135,6 +141,7 @@ class RodNodes:
     nodes: np.ndarray  # (N,) node numbers by increasing s
     s: np.ndarray  # (N,) [m]
     s_gauss: np.ndarray  # (E * Q,) [m]
+    mesh: Elements
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,29 +224,41 @@ class Space:
     rods : sequence of Rod
     marks : for each rod, the arc lengths where it needs a node
     rotation : "quaternion" or "kardan"
+    elements : for rods that do not take the elements they ask for, others
     """
 
-    def __init__(self, rods: Sequence[Rod], marks: Sequence[Sequence[float]], rotation: str = "quaternion") -> None:
+    def __init__(
+        self,
+        rods: Sequence[Rod],
+        marks: Sequence[Sequence[float]],
+        rotation: str = "quaternion",
+        elements: Mapping[Rod, Elements] | None = None,
+    ) -> None:
         self.rods = tuple(rods)
         self.rotation = rotation
-        ends = {rod: rod.element_ends(m) for rod, m in zip(rods, marks, strict=True)}
+        given = elements or {}
+        meshes = {
+            rod: given[rod].check(rod, m) if rod in given else rod.elements(m)
+            for rod, m in zip(rods, marks, strict=True)
+        }
+        ends = {rod: mesh.ends for rod, mesh in meshes.items()}
         groups: list[Group] = []
         views: dict[Rod, RodNodes] = {}
         n_nodes = 0
-        for order in sorted({rod.order for rod in rods}):
-            members = [rod for rod in rods if rod.order == order]
+        for order in sorted({mesh.order for mesh in meshes.values()}):
+            members = [rod for rod in rods if meshes[rod].order == order]
             basis, conn, first_vertex, first_element = _mesh(order, [ends[rod] for rod in members], n_nodes)
             locations = basis.doflocs[0]
             stiffness, reference = [], []
             for rod, vertex, element in zip(members, first_vertex, first_element, strict=True):
                 n = len(ends[rod]) - 1
-                elements = slice(element, element + n)
-                s_gauss = np.asarray(basis.global_coordinates())[0][elements].ravel()
-                nodes = np.unique(conn[elements])
+                mine = slice(element, element + n)
+                s_gauss = np.asarray(basis.global_coordinates())[0][mine].ravel()
+                nodes = np.unique(conn[mine])
                 s = locations[nodes - n_nodes]
                 by_s = np.argsort(s, kind="stable")
                 vertices = n_nodes + vertex + np.arange(n + 1)
-                views[rod] = RodNodes(rod, len(groups), elements, vertices, nodes[by_s], s[by_s], s_gauss)
+                views[rod] = RodNodes(rod, len(groups), mine, vertices, nodes[by_s], s[by_s], s_gauss, meshes[rod])
                 stiffness.append(rod.section_at(s_gauss)[0].reshape(n, order, 6, 6))
                 straight = np.zeros((n * order, 6))
                 straight[:, 2] = 1.0
@@ -270,7 +289,7 @@ class Space:
     def node(self, rod: Rod, s: float) -> int:
         """Node number at arc length s of a rod; there must be a vertex."""
         view = self.views[rod]
-        s_vertices = view.s[:: rod.order]
+        s_vertices = view.s[:: view.mesh.order]
         return int(view.vertices[np.argmin(np.abs(s_vertices - s))])
 
     @cached_property
@@ -452,6 +471,6 @@ def _mesh(order: int, ends: Sequence[np.ndarray], offset: int) -> tuple[Basis, n
     )
     mesh = MeshLine(np.concatenate(ends)[None], t)
     X, W = np.polynomial.legendre.leggauss(order)
-    basis = Basis(mesh, ElementLineGLL(order), quadrature=(0.5 * (1 + X)[None], 0.5 * W))
+    basis = Basis(mesh, gll_element(order), quadrature=(0.5 * (1 + X)[None], 0.5 * W))
     conn = np.ascontiguousarray(basis.element_dofs.T.astype(np.int64)) + offset
     return basis, conn, first_vertex, first_element

@@ -1,0 +1,155 @@
+"""How wrong is it? Error estimates, and the choice of order and elements.
+
+Rule: the error of a reported number is estimated by what becomes of it on richer elements: the same ones, one degree
+higher. There a state starts from the one that is judged, stresses included, so that two or three iterations find the
+equilibrium; only the stations at which something reported has its peak are solved again. The estimate is the error of what
+is reported, not of the richer solution. It sees the elements alone: not the model, and not the stations between which a
+path was not followed. Contact and friction start from what was accepted at the station, so what friction forgot on the
+way there is not seen either.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from .errors import CosseratError
+from .history import History, Record
+from .mechanism import Part
+from .model import Model
+from .newton import Newton
+from .rod import Elements
+from .transfer import Transfer, at_places
+
+log = logging.getLogger(__name__)
+
+RICHER = 1  # degrees
+NOISE = 1e-9
+Describe = Callable[[History, Sequence[Part]], dict[str, Any]]
+
+
+def raised(model: Model, degrees: int = RICHER) -> Model:
+    """The same model on the same elements of a higher degree."""
+    return model.with_elements(
+        {
+            rod: Elements(view.mesh.order + degrees, view.mesh.ends) for rod, view in model.space.views.items()
+        }
+    )  # fmt: skip
+
+
+class Richer:
+    """Stations of a history solved again on elements of one degree more.
+
+    model : the richer one; failed : {station: why it was not found}
+    """
+
+    def __init__(self, history: History) -> None:
+        self.history, self.model = history, raised(history.model)
+        self.newton = Newton(self.model)
+        self.transfer = Transfer(history.model, self.model)
+        self.failed: dict[int, str] = {}
+        self._found: dict[int, Record] = {}
+
+    def station(self, k: int) -> History | None:
+        """Station k as a history of one state on the richer elements; None if none was found near it."""
+        if k not in self._found and k not in self.failed:
+            self._solve(k)
+        return History(self.model, [self._found[k]]) if k in self._found else None
+
+    def _solve(self, k: int) -> None:
+        record = self.history.records[k]
+        newton = self.newton
+        try:
+            solved = newton.plain(self.transfer.with_contact(record.state))
+            if solved.converged:
+                solved = newton.accepted(solved)
+        except CosseratError as error:
+            self.failed[k] = str(error)
+            return
+        if not solved.converged:
+            self.failed[k] = solved.reason
+            return
+        self._found[k] = Record(
+            solved.state, solved.reactions, solved.iterations, solved.residual, solved.negative, contact=solved.pressed
+        )
+
+    def moved(self, k: int) -> dict[Any, tuple[float, float]]:
+        """For each rod the largest distance [m] between nodes at station k and the same places of the richer state, and
+        where [m] it is."""
+        history, found = self.history, self._found[k]
+        out = {}
+        for rod, view in history.model.space.views.items():
+            finer = at_places(found.state.r, self.model.space, rod, view.s)
+            apart = np.linalg.norm(finer - history.records[k].state.r[view.nodes], axis=1)
+            j = int(np.argmax(apart))
+            out[rod] = (float(apart[j]), float(view.s[j]))
+        return out
+
+
+def add_errors(
+    said: dict[str, Any], history: History, describe: Describe, parts: Sequence[Part] = ()
+) -> dict[str, Any]:
+    """Write an estimated error beside each reported peak: to every {"value", "t", ...} in `said` the key "error".
+
+    said: what `describe(history, parts)` says; it is changed. Also adds to each rod the largest estimated error of a
+    node's place, as "position_error". Returns how it was found.
+
+    The error of a peak is |value at its station on richer elements - value|, in the unit of the value; None where no richer
+    state was found. A value that is nothing but round-off beside its like is its own error.
+    """
+    richer, t = Richer(history), history.t
+    at: dict[int, list[tuple[tuple[str, ...], dict[str, Any]]]] = {}
+    for path, peak, largest in _peaks(said):
+        if abs(peak["value"]) <= NOISE * largest:
+            peak["error"] = abs(peak["value"])
+        else:
+            at.setdefault(int(np.argmin(np.abs(t - peak["t"]))), []).append((path, peak))
+    moved: dict[str, list[tuple[float, float, float]]] = {}
+    for k, peaks in sorted(at.items()):
+        found = richer.station(k)
+        finer: dict[str, Any] = {}
+        if found is not None:
+            near = parts if any(path[0] == "clearances" for path, _ in peaks) else ()  # the dear part of it
+            finer = describe(found, near)
+            for rod, (distance, s) in richer.moved(k).items():
+                moved.setdefault(rod.name, []).append((distance, s, float(t[k])))
+        for path, peak in peaks:
+            peak["error"] = _apart(peak["value"], _look_up(finer, path))
+    for name, several in moved.items():
+        said["rods"][name]["position_error"] = dict(zip(("value", "s", "t"), max(several), strict=True))
+    return {
+        "method": "stations of the peaks solved again on elements of one degree more",
+        "stations": [float(t[k]) for k in sorted(at)],
+        "iterations": richer.newton.counters.iterations,
+        **({"not_found": {f"{t[k]:g}": why for k, why in richer.failed.items()}} if richer.failed else {}),
+    }
+
+
+def _peaks(said: dict[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], dict[str, Any], float]]:
+    """Tables with a value and its time, where they stand, and the largest value of those that are measured alike."""
+    tables = {key: value for key, value in said.items() if isinstance(value, dict)}
+    peaks = {k: v for k, v in tables.items() if "t" in v and isinstance(v.get("value"), float)}
+    for key, value in tables.items():
+        if key in peaks:
+            unit = key.partition("[")[2]
+            like = [
+                abs(v["value"])
+                for k, v in peaks.items()
+                if path[-1:] == ("largest_strain",) and k.partition("[")[2] == unit
+            ]
+            yield (*path, key), value, max(like, default=0.0)
+        else:
+            yield from _peaks(value, (*path, key))
+
+
+def _look_up(said: Any, path: Iterable[str]) -> float | None:
+    for key in (*path, "value"):
+        said = said.get(key) if isinstance(said, dict) else None
+    return said if isinstance(said, float) else None
+
+
+def _apart(a: float | None, b: float | None) -> float | None:
+    return None if a is None or b is None or not np.isfinite(b - a) else abs(b - a)
