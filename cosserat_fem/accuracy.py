@@ -1,11 +1,14 @@
 """How wrong is it? Error estimates, and the choice of order and elements.
 
 Rule: the error of a reported number is estimated by what becomes of it on richer elements: the same ones, one degree
-higher. There a state starts from the one that is judged, stresses included, so that two or three iterations find the
+higher. There a state starts from the one that is judged, stresses included, so that two to four iterations find the
 equilibrium; only the stations at which something reported has its peak are solved again. The estimate is the error of what
 is reported, not of the richer solution. It sees the elements alone: not the model, and not the stations between which a
 path was not followed. Contact and friction start from what was accepted at the station, so what friction forgot on the
 way there is not seen either.
+
+Of a run in time the errors of elements and of time steps are told apart; both grow as the motion lets them, see `drift`.
+They are carried along the kept states: a motion that is kept too rarely to be recognised has an estimate that is too small.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from .drift import space_errors, time_errors
 from .errors import CosseratError
 from .history import History, Record
 from .mechanism import Part
@@ -28,6 +32,7 @@ log = logging.getLogger(__name__)
 
 RICHER = 1  # degrees
 NOISE = 1e-9
+CARRIED, SPARE = 120, 25  # kept states along which errors are carried: at least so many, or one for so many iterations
 Describe = Callable[[History, Sequence[Part]], dict[str, Any]]
 
 
@@ -76,17 +81,25 @@ class Richer:
             solved.state, solved.reactions, solved.iterations, solved.residual, solved.negative, contact=solved.pressed
         )
 
-    def moved(self, k: int) -> dict[Any, tuple[float, float]]:
-        """For each rod the largest distance [m] between nodes at station k and the same places of the richer state, and
-        where [m] it is."""
-        history, found = self.history, self._found[k]
-        out = {}
-        for rod, view in history.model.space.views.items():
-            finer = at_places(found.state.r, self.model.space, rod, view.s)
-            apart = np.linalg.norm(finer - history.records[k].state.r[view.nodes], axis=1)
-            j = int(np.argmax(apart))
-            out[rod] = (float(apart[j]), float(view.s[j]))
-        return out
+
+class InTime:
+    """Kept states of a run in time without the error of the elements, and without that of the time steps."""
+
+    def __init__(self, history: History, wanted: Iterable[int]) -> None:
+        self.history, self.model = history, raised(history.model)
+        wanted, n = set(wanted), len(history)
+        most = max(CARRIED, history.counters.iterations // SPARE)
+        spread = np.linspace(0, n - 1, min(n, most)).round().astype(int).tolist()
+        self.stations = sorted({0, *spread, *wanted})
+        self.spatial = space_errors(history, self.model, self.stations, wanted)
+        known = history.rho_inf is not None and history.steps and history.extrapolated is None
+        self.temporal = time_errors(history, self.stations, wanted) if known else {}
+
+    def without_elements(self, k: int) -> History:
+        return History(self.model, [self.spatial[k]])
+
+    def without_steps(self, k: int) -> History | None:
+        return History(self.history.model, [self.temporal[k]]) if k in self.temporal else None
 
 
 def add_errors(
@@ -94,38 +107,73 @@ def add_errors(
 ) -> dict[str, Any]:
     """Write an estimated error beside each reported peak: to every {"value", "t", ...} in `said` the key "error".
 
-    said: what `describe(history, parts)` says; it is changed. Also adds to each rod the largest estimated error of a
-    node's place, as "position_error". Returns how it was found.
+    said: what `describe(history, parts)` says; it is changed. Returns how it was found.
 
     The error of a peak is |value at its station on richer elements - value|, in the unit of the value; None where no richer
-    state was found. A value that is nothing but round-off beside its like is its own error.
+    state was found. Of a run in time it is the sum of "error_elements" and "error_steps". A value that is nothing but
+    round-off beside its like is its own error. Each rod gets "position_error", the largest estimated error of the elements
+    in a node's place at these stations.
     """
-    richer, t = Richer(history), history.t
     at: dict[int, list[tuple[tuple[str, ...], dict[str, Any]]]] = {}
     for path, peak, largest in _peaks(said):
         if abs(peak["value"]) <= NOISE * largest:
             peak["error"] = abs(peak["value"])
         else:
-            at.setdefault(int(np.argmin(np.abs(t - peak["t"]))), []).append((path, peak))
+            at.setdefault(int(np.argmin(np.abs(history.t - peak["t"]))), []).append((path, peak))
     moved: dict[str, list[tuple[float, float, float]]] = {}
+    moving = InTime(history, at) if history.dynamic else None
+    richer = Richer(history) if moving is None else None
     for k, peaks in sorted(at.items()):
-        found = richer.station(k)
-        finer: dict[str, Any] = {}
+        near = parts if any(path[0] == "clearances" for path, _ in peaks) else ()  # the dear part of it
+        found = richer.station(k) if richer is not None else moving.without_elements(k)  # type: ignore[union-attr]
+        finer = {} if found is None else describe(found, near)
         if found is not None:
-            near = parts if any(path[0] == "clearances" for path, _ in peaks) else ()  # the dear part of it
-            finer = describe(found, near)
-            for rod, (distance, s) in richer.moved(k).items():
-                moved.setdefault(rod.name, []).append((distance, s, float(t[k])))
+            for rod, (distance, s) in _moved(history, k, found).items():
+                moved.setdefault(rod.name, []).append((distance, s, float(history.t[k])))
+        shorter = None if moving is None else moving.without_steps(k)
+        steps = {} if shorter is None else describe(shorter, near)
         for path, peak in peaks:
             peak["error"] = _apart(peak["value"], _look_up(finer, path))
+            if moving is not None:
+                elements, of_steps = peak["error"], _apart(peak["value"], _look_up(steps, path))
+                known = [e for e in (elements, of_steps) if e is not None]
+                peak |= {"error": sum(known) if known else None, "error_elements": elements, "error_steps": of_steps}
     for name, several in moved.items():
         said["rods"][name]["position_error"] = dict(zip(("value", "s", "t"), max(several), strict=True))
+    if moving is not None:
+        return _told_in_time(history, moving)
     return {
         "method": "stations of the peaks solved again on elements of one degree more",
-        "stations": [float(t[k]) for k in sorted(at)],
-        "iterations": richer.newton.counters.iterations,
-        **({"not_found": {f"{t[k]:g}": why for k, why in richer.failed.items()}} if richer.failed else {}),
+        "stations": [float(history.t[k]) for k in sorted(at)],
+        "iterations": richer.newton.counters.iterations,  # type: ignore[union-attr]
+        **({"not_found": {f"{history.t[k]:g}": why for k, why in richer.failed.items()}} if richer.failed else {}),  # type: ignore[union-attr]
     }
+
+
+def _told_in_time(history: History, moving: InTime) -> dict[str, Any]:
+    steps = "carried with the motion like that of the elements"
+    if not moving.temporal:
+        steps = "not known: the log of steps is missing"
+    if history.extrapolated is not None:
+        steps = (
+            f"less than {history.extrapolated:.2g} (in rod lengths and rad), that of the finer run before extrapolation"
+        )
+    return {
+        "method": "what the kept states leave over on elements of one degree more, carried with the linearised motion",
+        "steps": steps,
+        "carried_along": len(moving.stations),
+    }
+
+
+def _moved(history: History, k: int, found: History) -> dict[Any, tuple[float, float]]:
+    """For each rod the largest distance [m] of nodes at station k from the same places of another state of it, and where."""
+    out = {}
+    for rod, view in history.model.space.views.items():
+        finer = at_places(found.final.r, found.model.space, rod, view.s)
+        apart = np.linalg.norm(finer - history.records[k].state.r[view.nodes], axis=1)
+        j = int(np.argmax(apart))
+        out[rod] = (float(apart[j]), float(view.s[j]))
+    return out
 
 
 def _peaks(said: dict[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], dict[str, Any], float]]:

@@ -83,6 +83,8 @@ class History:
     steps : list of (t at the end [s], length [s], error in parts of the allowed one, accepted), of a run in time
     extrapolated : float, optional
         Distance between the two runs of a Richardson extrapolation, divided by 3: the error of the finer one.
+    rho_inf : float, optional
+        Spectral radius of a run in time.
     """
 
     model: Model
@@ -92,6 +94,7 @@ class History:
     counters: Counters = field(default_factory=Counters)
     steps: list[tuple[float, float, float, bool]] = field(default_factory=list)
     extrapolated: float | None = None
+    rho_inf: float | None = None
 
     def __repr__(self) -> str:
         span = f"t = {self.t[0]:g} .. {self.t[-1]:g} s, " if self.records else ""

@@ -154,12 +154,9 @@ class Run:
     ) -> None:
         self.model, self.begin_time, self.end, self.step = model, t, end, step
         self.times, self.callback = times, callback
-        am, af = (2 * rho - 1) / (rho + 1), rho / (rho + 1)
-        gamma = 0.5 - am + af
-        beta = 0.25 * (gamma + 0.5) ** 2
-        self._method = (am, af, beta, gamma)
+        self._method = am, af, beta, _ = constants(rho)
         self._constant = abs(beta + 0.5 * (am - af) - 1 / 6)
-        self.history = History(model)
+        self.history = History(model, rho_inf=rho)
         self.newton = Newton(model)
         self.history.counters = self.newton.counters
         self.steps = self.history.steps
@@ -579,6 +576,13 @@ class Run:
             _, self.grip = self.impact.feel(self.state, self.rates, saved.lasts)
             self.grip = replace(self.grip, lasts=saved.lasts)
         self.steps[:] = saved.log
+
+
+def constants(rho: float) -> tuple[float, float, float, float]:
+    """am, af, beta, gamma of generalized-alpha with spectral radius rho at infinity."""
+    am, af = (2 * rho - 1) / (rho + 1), rho / (rho + 1)
+    gamma = 0.5 - am + af
+    return am, af, 0.25 * (gamma + 0.5) ** 2, gamma
 
 
 def _merged(lists: Sequence[np.ndarray], slack: float) -> np.ndarray:

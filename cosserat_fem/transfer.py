@@ -9,8 +9,10 @@ strains, which between the old Gauss points are far from those of an equilibrium
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from .model import Model
 from .space import Space, State, gauss_lobatto
@@ -36,12 +38,35 @@ class Transfer:
     old: Model
     new: Model
 
-    def nodal(self, values: np.ndarray) -> np.ndarray:
-        """Values (N, ...) at nodes of the old model at those of the new one."""
-        out = np.empty((self.new.space.n_nodes, *values.shape[1:]))
+    @cached_property
+    def _nodes(self) -> csr_matrix:
+        """Matrix (N new, N old) of nodal values."""
+        old, new = self.old.space, self.new.space
+        rows, columns, values = [], [], []
+        for rod, view in new.views.items():
+            before = old[rod]
+            order = before.mesh.order
+            element, xi = locate(before.mesh.ends, view.s)
+            columns.append(before.nodes[element[:, None] * order + np.arange(order + 1)].ravel())
+            rows.append(np.repeat(view.nodes, order + 1))
+            values.append(lagrange(gauss_lobatto(order), xi).ravel())
+        entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+        return csr_matrix(entries, shape=(new.n_nodes, old.n_nodes))
+
+    @cached_property
+    def _points(self) -> list[list[tuple[int, np.ndarray, np.ndarray, slice]]]:
+        """For each new group the rods in it: old group, old elements (n,), weights (n, Q old) and where they go."""
+        parts: list[list[tuple[int, np.ndarray, np.ndarray, slice]]] = [[] for _ in self.new.space.groups]
         for rod, view in self.new.space.views.items():
-            out[view.nodes] = at_places(values, self.old.space, rod, view.s)
-        return out
+            before = self.old.space[rod]
+            element, xi = locate(before.mesh.ends, view.s_gauss)
+            weights = lagrange(self.old.space.groups[before.group].basis.X[0], xi)
+            parts[view.group].append((before.group, before.elements.start + element, weights, view.elements))
+        return parts
+
+    def nodal(self, values: np.ndarray) -> np.ndarray:
+        """Values (N, k) at nodes of the old model at those of the new one."""
+        return self._nodes @ values
 
     def state(self, state: State) -> State:
         """The state on the new elements, without contact or velocity."""
@@ -73,13 +98,10 @@ class Transfer:
             strain = old.strain_and_frame(state, k)[0] - group.reference
             stresses.append(np.einsum("eqij,eqj->eqi", group.stiffness, strain))
         found = [np.empty_like(group.reference) for group in new.groups]
-        for rod, view in new.views.items():
-            before = old[rod]
-            points = old.groups[before.group].basis.X[0]
-            element, xi = locate(before.mesh.ends, view.s_gauss)
-            values = stresses[before.group][before.elements][element]
-            moved = np.einsum("nq,nqi->ni", lagrange(points, xi), values)
-            found[view.group][view.elements] = moved.reshape(-1, len(new.groups[view.group].N), 6)
+        for out, parts in zip(found, self._points, strict=True):
+            for group, element, weights, where in parts:
+                moved = np.einsum("nq,nqi->ni", weights, stresses[group][element])
+                out[where] = moved.reshape(-1, *out.shape[1:])
         return self.new.internal.memory(found)
 
 

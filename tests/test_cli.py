@@ -68,7 +68,10 @@ def test_run_leaves_a_complete_folder(scene, tmp_path, capsys):
     assert summary["worst_residual"] < 1e-9
     assert summary["physics"]["terms"] == ["internal force"]
     assert summary["stable"] == "stable at every station"
-    assert set(summary["seconds"]["wall"]) == {"load", "solve", "compile", "write"}
+    assert set(summary["seconds"]["wall"]) == {"load", "solve", "compile", "write", "estimate"}
+    peak = summary["reactions"]["cable.start@ground"]["largest_force"]
+    assert 0 < peak["error"] < 1e-3 * peak["value"]
+    assert summary["discretisation"]["iterations"] < summary["counters"]["iterations"] * 3
     rod = summary["rods"]["cable"]
     assert rod["length"]["free"] == pytest.approx(rod["length"]["drawn"])
     assert rod["smallest_bend_radius"]["value"] > 0

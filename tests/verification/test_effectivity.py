@@ -4,6 +4,8 @@ References share no code with the package (closed form, shooting, collocation: r
 another order where the case says so.
 """
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -179,13 +181,13 @@ def finest(model: Model, n: int, order: int) -> Model:
     cut = {}
     for rod, view in model.space.views.items():
         ends = view.mesh.ends
-        parts = [np.linspace(a, b, n, endpoint=False) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        parts = [np.linspace(a, b, n, endpoint=False) for a, b in pairwise(ends)]
         cut[rod] = Elements(order, np.append(np.concatenate(parts), ends[-1]))
     return model.with_elements(cut)
 
 
 def test_frame(report):
-    """Three rods of different order welded in a joint, loaded at the joint, against elements eight times smaller of order 5."""
+    """Three rods of different order welded in a joint and loaded there, against elements eight times smaller of order 5."""
     section = cf.Section.rectangle(0.02, 0.01, youngs_modulus=1e8, poisson_ratio=0.3)
     feet = [(0, 0, 0), (1, 0.2, 0), (0.3, 1, 0.1)]
     rods = [
