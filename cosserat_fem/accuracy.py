@@ -133,6 +133,9 @@ def add_errors(
         shorter = None if moving is None else moving.without_steps(k)
         steps = {} if shorter is None else describe(shorter, near)
         for path, peak in peaks:
+            if moving is not None and path[0] == "contacts":  # a barrier is far from linear
+                peak["error"] = None
+                continue
             peak["error"] = _apart(peak["value"], _look_up(finer, path))
             if moving is not None:
                 elements, of_steps = peak["error"], _apart(peak["value"], _look_up(steps, path))
@@ -162,6 +165,7 @@ def _told_in_time(history: History, moving: InTime) -> dict[str, Any]:
         "method": "what the kept states leave over on elements of one degree more, carried with the linearised motion",
         "steps": steps,
         "carried_along": len(moving.stations),
+        **({"contacts": "of contact forces in time no error is estimated"} if history.model.contacts else {}),
     }
 
 

@@ -137,9 +137,7 @@ class Drift:
         rates = Rates(rates.v + v, rates.a + a, rates.b)
         moving = Moving(space, rates, _as_stressed(space, moved, stress))
         g = model.residual(moved, step=moving).g
-        pressed = tuple(term.accept(moved, space)[1] for term in model.contacts)
-        reactions = model.constraints.reactions(moved, g)
-        return replace(record, state=moved, reactions=reactions, rates=rates, contact=pressed)
+        return replace(record, state=moved, reactions=model.constraints.reactions(moved, g), rates=rates)
 
     def _solve(self, state: State, moving: Moving, load: np.ndarray | float, shift: float) -> np.ndarray:
         """Increment of the linearised motion under its own residual and a load on the same side."""

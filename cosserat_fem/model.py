@@ -13,6 +13,7 @@ from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from time import thread_time
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -97,6 +98,8 @@ class Model:
     ----------
     warnings : list of str
         What the model's user should know; also logged.
+    spent : {name: s}
+        CPU time so far of each term and of the internal force.
 
     Raises
     ------
@@ -141,6 +144,7 @@ class Model:
         self.constraints = Constraints(self.space, self.supports, self.welds)
         self.symmetric = all(term.symmetric for term in self.terms)
         self.warnings: list[str] = []
+        self.spent: dict[str, float] = {}
         if any(getattr(term, "needs_mass", False) for term in self.terms):
             for rod in self.rods:
                 if not self.space.node_mass[self.space[rod].nodes].any():
@@ -154,7 +158,7 @@ class Model:
         other.terms = tuple(terms)
         other.contacts = tuple(term for term in terms if getattr(term, "contact", False))
         other.symmetric = all(term.symmetric for term in terms)
-        other.warnings = []
+        other.warnings, other.spent = [], {}
         return other
 
     def with_elements(self, elements: Mapping[Rod, Elements]) -> Model:
@@ -239,6 +243,7 @@ class Model:
         elements: dict[int, list[Blocks]] = {}
         coupled: list[Blocks] = []
         stiffest, symmetric = 0.0, True
+        since = thread_time()
         for term in self.terms:
             pressing = False
             if term in self.contacts:
@@ -261,8 +266,15 @@ class Model:
                 else:
                     coupled.append(blocks)
             symmetric &= term.symmetric or (term in self.contacts and not pressing)
+            since = self.spend(term.name, since)
         blocks_of = {k: self._of_elements(k, b) for k, b in elements.items()}
         return External(g, nodal, blocks_of, tuple(coupled), stiffest, symmetric)
+
+    def spend(self, name: str, since: float) -> float:
+        """Book the CPU time [s] since `since` on a name; the time now."""
+        now = thread_time()
+        self.spent[name] = self.spent.get(name, 0.0) + now - since
+        return now
 
     def touching(self, state: State) -> np.ndarray:
         """Residual (N, 6) of the contact terms alone."""
@@ -293,7 +305,9 @@ class Model:
         g = outside.g
         if step is not None:
             largest = step.add(state, g, NO_BLOCKS)
+        since = thread_time()
         force, moment = self.internal.residual(state, self.space, g, tables)
+        self.spend(self.internal.name, since)
         return Sum(g, max(force, largest[0]), max(moment, largest[1]), stiffest=outside.stiffest)
 
     def condensed(
@@ -319,13 +333,16 @@ class Model:
         if offset is not None:
             g += offset
         symmetric = outside.symmetric and step is None
+        since = thread_time()
         if outside.coupled:
             force, moment, matrices = self.internal.full(state, self.space, g, tables)  # type: ignore[attr-defined]
+            self.spend(self.internal.name, since)
             matrix = self._summed(matrices, outside, nodal, mu)
             largest = (max(force, largest[0]), max(moment, largest[1]))
             return Sum(g, *largest, 0, symmetric, matrix, outside.stiffest)
         additions = Additions(nodal, outside.elements, self.shift, mu, symmetric, tables)
         force, moment, negative = self.internal.condensed(state, self.space, g, scratch, additions)
+        self.spend(self.internal.name, since)
         largest = (max(force, largest[0]), max(moment, largest[1]))
         return Sum(g, *largest, negative, symmetric, None, outside.stiffest)
 

@@ -385,6 +385,7 @@ def describe(history: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
         **({"in_time": _describe_motion(history)} if history.dynamic else {"stable": _stability(history)}),
         "physics": {
             "terms": terms,
+            "cpu_seconds": {name: round(spent, 6) for name, spent in model.spent.items()},
             "rotation": model.rotation,
             "supports": [str(h.name) for h in model.supports],
             "welds": len(model.welds),
