@@ -120,7 +120,7 @@ def add_errors(
             peak["error"] = abs(peak["value"])
         else:
             at.setdefault(int(np.argmin(np.abs(history.t - peak["t"]))), []).append((path, peak))
-    moved: dict[str, list[tuple[float, float, float]]] = {}
+    shifts: dict[str, list[tuple[float, float, float]]] = {}
     moving = InTime(history, at) if history.dynamic else None
     richer = Richer(history) if moving is None else None
     for k, peaks in sorted(at.items()):
@@ -128,8 +128,8 @@ def add_errors(
         found = richer.station(k) if richer is not None else moving.without_elements(k)  # type: ignore[union-attr]
         finer = {} if found is None else describe(found, near)
         if found is not None:
-            for rod, (distance, s) in _moved(history, k, found).items():
-                moved.setdefault(rod.name, []).append((distance, s, float(history.t[k])))
+            for rod, (distance, s) in moved(history, k, found).items():
+                shifts.setdefault(rod.name, []).append((distance, s, float(history.t[k])))
         shorter = None if moving is None else moving.without_steps(k)
         steps = {} if shorter is None else describe(shorter, near)
         for path, peak in peaks:
@@ -141,7 +141,7 @@ def add_errors(
                 elements, of_steps = peak["error"], _apart(peak["value"], _look_up(steps, path))
                 known = [e for e in (elements, of_steps) if e is not None]
                 peak |= {"error": sum(known) if known else None, "error_elements": elements, "error_steps": of_steps}
-    for name, several in moved.items():
+    for name, several in shifts.items():
         said["rods"][name]["position_error"] = dict(zip(("value", "s", "t"), max(several), strict=True))
     if moving is not None:
         return _told_in_time(history, moving)
@@ -169,7 +169,7 @@ def _told_in_time(history: History, moving: InTime) -> dict[str, Any]:
     }
 
 
-def _moved(history: History, k: int, found: History) -> dict[Any, tuple[float, float]]:
+def moved(history: History, k: int, found: History) -> dict[Any, tuple[float, float]]:
     """For each rod the largest distance [m] of nodes at station k from the same places of another state of it, and where."""
     out = {}
     for rod, view in history.model.space.views.items():

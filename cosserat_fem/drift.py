@@ -27,7 +27,6 @@ from typing import Any
 import numpy as np
 
 from .history import History, Record
-from .integrator import constants
 from .kernels.inertia import step_inertia
 from .kernels.rotation import matrix_from_quaternion
 from .linear import LinearSolver
@@ -35,7 +34,7 @@ from .model import Model
 from .newton import SMALLEST_SHIFT
 from .space import Space, State, lanes
 from .terms.dissipative import tables_at_rate
-from .terms.inertial import Rates
+from .terms.inertial import Rates, constants
 from .transfer import Transfer
 
 AM, AF, BETA, GAMMA = constants(0.0)
@@ -44,7 +43,7 @@ SHORT = 1e-6  # s: over which a strain rate is measured
 NO_TANGENT = np.empty((0, 6, 6))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Moving:
     """A motion at one time as `Model.residual` takes a time step: its inertia, and the tangent of an error that moves with
     ca e [1/s^2] and turns with cv e [1/s]."""
@@ -100,7 +99,7 @@ class Drift:
             [np.repeat(self.space.node_mass[:, None], 3, axis=1), self.space.node_inertia], axis=1
         )
         self.e, self.v, self.a, self.b = np.zeros((4, self.space.n_nodes, 6))
-        self._dampers = [term for term in model.terms if getattr(term, "internal", False)]
+        self._dampers: list[Any] = [term for term in model.terms if getattr(term, "internal", False)]
 
     def begin(self, state: State, rates: Rates) -> None:
         """At the first kept state: the error of an equilibrium if that is one, else none."""

@@ -40,7 +40,7 @@ from .newton import CompiledStep, Newton, Solved
 from .rates import NOBODY, Balance
 from .space import State
 from .terms.dissipative import damped_tables, tables_at_rate
-from .terms.inertial import Driven, InertiaStep, Rates
+from .terms.inertial import Driven, InertiaStep, Rates, constants
 
 TOLERANCE = 1e-9  # relative residual of a time step
 SMALLEST = 1e-10  # of the duration: a step shorter than this ends the run
@@ -576,13 +576,6 @@ class Run:
             _, self.grip = self.impact.feel(self.state, self.rates, saved.lasts)
             self.grip = replace(self.grip, lasts=saved.lasts)
         self.steps[:] = saved.log
-
-
-def constants(rho: float) -> tuple[float, float, float, float]:
-    """am, af, beta, gamma of generalized-alpha with spectral radius rho at infinity."""
-    am, af = (2 * rho - 1) / (rho + 1), rho / (rho + 1)
-    gamma = 0.5 - am + af
-    return am, af, 0.25 * (gamma + 0.5) ** 2, gamma
 
 
 def _merged(lists: Sequence[np.ndarray], slack: float) -> np.ndarray:

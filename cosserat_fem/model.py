@@ -139,7 +139,7 @@ class Model:
             raise SceneError(
                 "model: welds need rotation = 'quaternion'; Kardan angles cannot join two rods at an angle."
             )
-        self.space = Space(self.rods, self._marks(), rotation, elements)
+        self.space = Space(self.rods, self.marks, rotation, elements)
         self.internal: InternalForce = QuaternionBeam() if rotation == "quaternion" else KardanBeam()
         self.constraints = Constraints(self.space, self.supports, self.welds)
         self.symmetric = all(term.symmetric for term in self.terms)
@@ -163,10 +163,12 @@ class Model:
 
     def with_elements(self, elements: Mapping[Rod, Elements]) -> Model:
         """The same system on other elements; rods, supports and terms are the same objects, and so is `warnings`."""
-        other = Model(
-            self.rods, [*self.supports, *self.welds], self.terms, rotation=self.rotation, elements=elements
-        )  # fmt: skip
-        other.warnings = self.warnings
+        other = copy(self)
+        for name in ("shift", "scales", "free_motions"):  # those that were asked for already
+            other.__dict__.pop(name, None)
+        other.space = Space(self.rods, self.marks, self.rotation, elements)
+        other.constraints = Constraints(other.space, self.supports, self.welds)
+        other.spent = {}
         return other
 
     def _check_members(self) -> None:
@@ -198,7 +200,8 @@ class Model:
         if faults:
             raise SceneError(faults)
 
-    def _marks(self) -> list[list[float]]:
+    @cached_property
+    def marks(self) -> list[list[float]]:
         """Arc lengths where each rod needs a node: supports, welds and point loads."""
         marks: dict[Rod, list[float]] = {rod: [] for rod in self.rods}
         for h in self.supports:

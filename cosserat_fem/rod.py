@@ -259,17 +259,19 @@ class Rod:
         """The elements that the rod asks for, with a boundary at every mark."""
         return Elements(self.order, self.element_ends(marks))
 
-    def element_ends(self, marks: Sequence[float] = ()) -> np.ndarray:
+    def element_ends(self, marks: Sequence[float] = (), n_elements: int | None = None) -> np.ndarray:
         """Element boundaries (n + 1,) [m] from 0 to `length`, with one at every mark and at every step of the section.
 
         With `layer` the boundaries are spread so that equal parts hold equal shares of
         w(s) = 1 / L + sum over layers of exp(-|s - c| / 3 layer) / 6 layer, about half of it in the layers.
+        n_elements: other than the rod's own.
         """
+        n = n_elements or self.n_elements
         L = float(self.length)
         wanted = sorted({float(m) for m in marks} | {p for p, _ in self.sections})
         wanted = [m for m in wanted if SAME * L < m < (1 - SAME) * L]
         if self.layer is None:
-            ends = np.linspace(0.0, L, self.n_elements + 1)
+            ends = np.linspace(0.0, L, n + 1)
         else:
             width = min(3.0 * self.layer, L)
             s = np.unique(np.concatenate([np.linspace(0.0, L, 2001), _fine(L, width, wanted)]))
@@ -277,7 +279,7 @@ class Rod:
             for c in (0.0, L, *(m for m in map(float, marks) if m in wanted)):
                 share = share + 0.5 * np.sign(s - c) * (1 - np.exp(-np.abs(s - c) / width))
             share = share - share[0]
-            ends = np.interp(np.linspace(0.0, share[-1], self.n_elements + 1), share, s)
+            ends = np.interp(np.linspace(0.0, share[-1], n + 1), share, s)
             ends[0], ends[-1] = 0.0, L
         fixed = np.zeros(len(ends), dtype=bool)
         fixed[[0, -1]] = True

@@ -207,7 +207,8 @@ def _solve(
     if scene.tables.solve.kind == "dynamic":
         return _solve_in_time(scene, progress, folder, resume)
     if scene.tables.solve.kind == "static":
-        history = solve_static(scene.model, t=float(scene.times[0]), steps=scene.tables.solve.steps)
+        table = scene.tables.solve
+        history = solve_static(scene.model, t=float(scene.times[0]), steps=table.steps, accuracy=table.accuracy)
         if progress is not None:
             progress(1, 1)
         return history
@@ -219,7 +220,7 @@ def _solve(
         asked = progress is not None and bool(progress(k + 1, len(scene.times)))
         return asked
 
-    history = solve_quasistatic(scene.model, scene.times, callback=callback)
+    history = solve_quasistatic(scene.model, scene.times, callback=callback, accuracy=scene.tables.solve.accuracy)
     if asked:
         history.status, history.message = "stopped", f"asked to stop at t = {history.t[-1]:g} s"
     return history
@@ -251,8 +252,8 @@ def _solve_in_time(
             )
         saved = with_terms(saved, scene.model)
         _, before = read_frames(folder / FRAMES, saved.kept)
-    extrapolated = table.dt is not None and table.richardson
-    frames = None if extrapolated else FrameFile(folder / FRAMES, identity, saved.kept if saved else None)
+    several = table.richardson or table.accuracy is not None  # runs; there is no one to go on with
+    frames = None if several else FrameFile(folder / FRAMES, identity, saved.kept if saved else None)
     written, last, asked = 0, time.monotonic(), False
 
     def save(run: Run, frames: FrameFile) -> None:
@@ -278,13 +279,17 @@ def _solve_in_time(
             last = time.monotonic()
         return asked
 
-    step = FixedStep(table.dt, table.richardson) if table.dt is not None else AdaptiveStep(table.rtol or 1e-4)
+    step: FixedStep | AdaptiveStep | None = None
+    if table.dt is not None:
+        step = FixedStep(table.dt, table.richardson)
+    elif table.accuracy is None:
+        step = AdaptiveStep(table.rtol or 1e-4)
     velocity = None if table.velocity is None else RigidVelocity(**table.velocity.model_dump())
     end = float(scene.times[-1])
     try:
         history = solve_dynamic(
             scene.model, end, start=table.start, velocity=velocity, rho_inf=table.rho_inf, step=step,
-            times=scene.times, callback=callback, resume=saved,
+            times=scene.times, callback=callback, resume=saved, accuracy=table.accuracy,
         )  # fmt: skip
     except (_FramesError, ConvergenceError) as error:
         if error.history is not None:
@@ -297,7 +302,7 @@ def _solve_in_time(
     for name in COUNTED:
         setattr(history.counters, name, getattr(history.counters, name) + counters.get(name, 0))
     if asked:
-        resumable = "" if extrapolated else f"; `cosserat-fem resume {folder}` goes on"
+        resumable = "" if several else f"; `cosserat-fem resume {folder}` goes on"
         history.message = f"asked to stop at t = {history.t[-1] if len(history) else 0:g} s{resumable}"
     return history
 
@@ -390,6 +395,7 @@ def describe(history: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
             "supports": [str(h.name) for h in model.supports],
             "welds": len(model.welds),
             "unknowns": 6 * model.space.n_nodes,
+            **({"chosen": asdict(history.chosen)} if history.chosen is not None else {}),
         },
         "rods": {rod.name: _describe_rod(history, rod) for rod in model.rods},
         "reactions": {str(h.name): _describe_reaction(history, h) for h in model.supports},

@@ -36,6 +36,7 @@ from .rod import Elements, Rod
 SINGULAR_COSINE = np.cos(np.radians(89.5))  # Kardan angles are refused nearer to theta = 90 deg than this
 
 
+@cache
 def gauss_lobatto(order: int) -> np.ndarray:
     """Gauss-Lobatto points (order + 1,) on [0, 1]: the ends and the zeros of the derivative of P_order."""
     legendre = np.polynomial.Legendre.basis(order)

@@ -42,7 +42,9 @@ class Transfer:
     def _nodes(self) -> csr_matrix:
         """Matrix (N new, N old) of nodal values."""
         old, new = self.old.space, self.new.space
-        rows, columns, values = [], [], []
+        rows: list[np.ndarray] = []
+        columns: list[np.ndarray] = []
+        values: list[np.ndarray] = []
         for rod, view in new.views.items():
             before = old[rod]
             order = before.mesh.order

@@ -430,6 +430,7 @@ class SolveTable(Table):
     rtol: quantity("number") | None = None
     dt: quantity("time") | None = None
     richardson: Flag = False
+    accuracy: quantity("number") | None = None
 
 
 class OutputTable(Table):
