@@ -21,7 +21,7 @@ force at the kept motion counts, not its change with the error.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -54,6 +54,10 @@ class Moving:
     ca: float = 0.0
     cv: float = 0.0
     heaviest: tuple[float, float] = (0.0, 0.0)
+    push: np.ndarray = field(init=False)  # contact counts once
+
+    def __post_init__(self) -> None:
+        self.push = np.ones_like(self.rates.v)
 
     def with_velocity(self, state: State) -> State:
         return replace(state, velocity=self.rates.v, slope=0.0)

@@ -101,8 +101,8 @@ class Transfer:
             stresses.append(np.einsum("eqij,eqj->eqi", group.stiffness, strain))
         found = [np.empty_like(group.reference) for group in new.groups]
         for out, parts in zip(found, self._points, strict=True):
-            for group, element, weights, where in parts:
-                moved = np.einsum("nq,nqi->ni", weights, stresses[group][element])
+            for number, element, weights, where in parts:
+                moved = np.einsum("nq,nqi->ni", weights, stresses[number][element])
                 out[where] = moved.reshape(-1, *out.shape[1:])
         return self.new.internal.memory(found)
 
