@@ -27,10 +27,13 @@ from .space import Blocks, Space, State
 from .support import Clamp, Pin, Support, Weld
 from .terms import Term
 from .terms.internal import Additions, Condensed, InternalForce, KardanBeam, QuaternionBeam
+from .terms.string import String
 
 log = logging.getLogger(__name__)
 
 NO_BLOCKS = np.empty((0, 6, 6))
+THEORIES = ("cosserat", "kirchhoff", "string")
+STRING_SHIFT = 1e-8  # EI / EA L^2 that stands for that of a string in the shift
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +94,9 @@ class Model:
     rotation : "quaternion" or "kardan"
         Interpolation of the rotations. "kardan" uses the angles (psi, theta, phi) of the source paper: singular where
         a rod points along x, not objective; for comparison.
+    theory : "cosserat", "kirchhoff" or "string"
+        What rods resist: all six strains; all but shear, which is left out (its stiffness is a thousand times EA); stretch
+        alone, with no rotation, bending or twist, so that clamps act as pins and loads must be dead forces.
     elements : {rod: Elements}, optional
         For rods that do not take the elements they ask for themselves.
 
@@ -116,6 +122,7 @@ class Model:
         terms: Sequence[Term] = (),
         *,
         rotation: Literal["quaternion", "kardan"] = "quaternion",
+        theory: Literal["cosserat", "kirchhoff", "string"] = "cosserat",
         elements: Mapping[Rod, Elements] | None = None,
     ) -> None:
         if rotation not in ("quaternion", "kardan"):
@@ -133,14 +140,19 @@ class Model:
         self.contacts: tuple[Any, ...] = tuple(term for term in self.terms if getattr(term, "contact", False))
         if self.contacts and rotation == "kardan":
             raise SceneError("model: contact needs rotation = 'quaternion'.")
-        self.rotation = rotation
+        if theory not in THEORIES:
+            raise ValueError(f"model: theory must be 'cosserat', 'kirchhoff' or 'string' (got {theory!r}).")
+        self.rotation, self.theory = rotation, theory
         self._check_members()
         if rotation == "kardan" and self.welds:
             raise SceneError(
                 "model: welds need rotation = 'quaternion'; Kardan angles cannot join two rods at an angle."
             )
-        self.space = Space(self.rods, self.marks, rotation, elements)
+        self._check_theory()
+        self.space = Space(self.rods, self.marks, rotation, elements, theory)
         self.internal: InternalForce = QuaternionBeam() if rotation == "quaternion" else KardanBeam()
+        if theory == "string":
+            self.internal = String()
         self.constraints = Constraints(self.space, self.supports, self.welds)
         self.symmetric = all(term.symmetric for term in self.terms)
         self.warnings: list[str] = []
@@ -166,10 +178,33 @@ class Model:
         other = copy(self)
         for name in ("shift", "scales", "free_motions"):  # those that were asked for already
             other.__dict__.pop(name, None)
-        other.space = Space(self.rods, self.marks, self.rotation, elements)
+        other.space = Space(self.rods, self.marks, self.rotation, elements, self.theory)
         other.constraints = Constraints(other.space, self.supports, self.welds)
         other.spent = {}
         return other
+
+    def with_theory(self, theory: Literal["cosserat", "kirchhoff", "string"]) -> Model:
+        """The same rods on the same elements, supports and terms in another theory; with warnings of its own."""
+        elements = {rod: view.mesh for rod, view in self.space.views.items()}
+        supports: list[Support | Weld] = [*self.supports, *self.welds]
+        return Model(self.rods, supports, self.terms, rotation=self.rotation, theory=theory, elements=elements)
+
+    def _check_theory(self) -> None:
+        """SceneError if a string would have to do what it cannot."""
+        if self.theory == "cosserat":
+            return
+        if self.rotation == "kardan" and self.theory == "string":
+            raise SceneError("model: a string has no rotations; leave out rotation = 'kardan'.")
+        if self.theory == "kirchhoff":
+            return
+        wrong = [
+            f"term {term.name!r}: cannot act on a string, which has no sections that turn; strings take weight, dead forces "
+            "and contact without friction."
+            for term in self.terms
+            if not getattr(term, "acts_on_strings", False)
+        ]
+        if wrong:
+            raise SceneError(wrong)
 
     def _check_members(self) -> None:
         if not self.rods:
@@ -394,6 +429,8 @@ class Model:
             view = self.space[rod]
             group = self.space.groups[view.group]
             bending = float(group.stiffness[view.elements][..., (3, 4), (3, 4)].mean())
+            if self.theory == "string":
+                bending = STRING_SHIFT * float(group.stiffness[view.elements][..., 2, 2].mean()) * rod.length**2
             weight = self.space.share(rod) * bending / rod.length**2
             shift[view.nodes, :3] = weight[:, None] / rod.length**2
             shift[view.nodes, 3:] = weight[:, None]

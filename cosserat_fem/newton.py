@@ -28,6 +28,7 @@ from .model import Model, Step, Sum
 from .space import State
 from .terms.external import NO_LOADS
 from .terms.inertial import Driven, InertiaStep
+from .terms.internal import QuaternionBeam
 from .terms.touch import Pressed
 
 RESIDUAL = 1e-11  # relative
@@ -315,7 +316,9 @@ class CompiledStep:
         c = model.constraints
         simple = not c.transforms and not c.joints and len(model.space.groups) == 1
         return (
-            simple and model.rotation == "quaternion" and all(getattr(term, "tabulated", False) for term in model.terms)
+            simple
+            and isinstance(model.internal, QuaternionBeam)
+            and all(getattr(term, "tabulated", False) for term in model.terms)
         )
 
     def solve(self, guess: State, moved: np.ndarray, step: InertiaStep, driven: Driven) -> Solved:

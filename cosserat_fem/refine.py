@@ -156,7 +156,7 @@ class Scales:
         self.torques = np.array([history.hinge_torque(part) for part in self.hinged]).reshape(
             len(self.hinged), len(history)
         )
-        least = 1e-3 * model.scales["bending"] / model.scales["length"] ** 2
+        least = 1e-3 * max(model.scales["bending"] / model.scales["length"] ** 2, 1e-9 * model.scales["axial"])
         self.size = np.empty(self.loads.shape[1:])
         for part, floor in ((slice(0, 3), least), (slice(3, 6), least * model.scales["length"])):
             loads = self.loads[..., part]
@@ -299,7 +299,8 @@ def _modes(finer: History, rod: Rod) -> tuple[np.ndarray, np.ndarray]:
     strain, frame = (x[view.elements] for x in space.strain_and_frame(state, view.group))
     C = group.stiffness[view.elements]
     stress = np.einsum("eqij,eqj->eqi", C, strain - group.reference[view.elements])
-    root = np.sqrt(1.0 / np.diagonal(C, axis1=-2, axis2=-1).mean(axis=(0, 1)))
+    stiff = np.diagonal(C, axis1=-2, axis2=-1).mean(axis=(0, 1))
+    root = np.where(stiff > 0, 1.0 / np.sqrt(np.where(stiff > 0, stiff, 1.0)), 0.0)
     h, x = np.diff(view.mesh.ends), 2.0 * group.basis.X[0] - 1.0
     weighed = stress * root
     size = np.sqrt(np.einsum("eqi,eqi,eq->", weighed, weighed, group.dx[view.elements]))

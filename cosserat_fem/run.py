@@ -46,9 +46,11 @@ from .history import History, Record
 from .integrator import AdaptiveStep, Checkpoint, FixedStep, Run
 from .kernels import CompileClock
 from .mechanism import Hinge, Part
+from .model import Model
 from .scene import Scene, load_scene
 from .space import State
 from .statics import solve_quasistatic, solve_static
+from .theories import Comparison, compare_theories
 
 PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "pyvista", "vtk", "h5py", "pyamg")
 COUNTED = ("iterations", "residuals")  # counters that go on in a resumed run
@@ -226,6 +228,28 @@ def _solve(
     return history
 
 
+def compare_scene(scene: Scene, tolerance: float) -> Comparison:
+    """A scene in all theories; nothing is written."""
+    table = scene.tables.solve
+    model = scene.model
+    if table.accuracy is not None and table.kind != "dynamic":  # elements for all of them
+        model = _solve(scene, None, pathlib.Path(), False).model
+
+    def solve(variant: Model) -> History:
+        if table.kind == "static":
+            return solve_static(variant, t=float(scene.times[0]), steps=table.steps)
+        if table.kind == "quasistatic":
+            return solve_quasistatic(variant, scene.times)
+        step = FixedStep(table.dt, table.richardson) if table.dt is not None else AdaptiveStep(table.rtol or 1e-4)
+        velocity = None if table.velocity is None else RigidVelocity(**table.velocity.model_dump())
+        return solve_dynamic(
+            variant, float(scene.times[-1]), start=table.start, velocity=velocity, rho_inf=table.rho_inf, step=step,
+            times=scene.times,
+        )  # fmt: skip
+
+    return compare_theories(model, solve, tolerance=tolerance)
+
+
 class _FramesError(Exception):
     """Frames or a checkpoint could not be written; what was found goes with it."""
 
@@ -392,6 +416,7 @@ def describe(history: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
             "terms": terms,
             "cpu_seconds": {name: round(spent, 6) for name, spent in model.spent.items()},
             "rotation": model.rotation,
+            "theory": model.theory,
             "supports": [str(h.name) for h in model.supports],
             "welds": len(model.welds),
             "unknowns": 6 * model.space.n_nodes,

@@ -99,7 +99,8 @@ class Builder:
             terms.insert(0, Gravity(self.tables.gravity.acceleration))
         supports = list(self.supports.values())
         try:
-            model = Model(list(self.rods.values()), supports, terms, rotation=self.tables.solve.rotation)
+            solve = self.tables.solve
+            model = Model(list(self.rods.values()), supports, terms, rotation=solve.rotation, theory=solve.theory)
         except KardanError as error:
             raise SceneError(self.source.fault(("solve", "rotation"), str(error))) from None
         except SceneError as error:
