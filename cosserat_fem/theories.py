@@ -21,6 +21,7 @@ from .mechanism import Hinge
 from .model import THEORIES, Model
 
 KINDS = ("force", "moment", "torque", "place")
+ROUND_OFF = 1e-6  # of forces times the longest rod: moments below are none
 CHEAPEST_FIRST = tuple(reversed(THEORIES))
 
 
@@ -126,8 +127,11 @@ def _peaks(history: History) -> dict[str, float]:
 def _apart(history: History, exact: History) -> dict[str, float]:
     """Largest relative differences, by kind."""
     out, wanted = {}, _loads(exact)
+    length = history.model.scales["length"]
     for kind, loads in _loads(history).items():
         size = float(np.linalg.norm(wanted[kind], axis=2).max())
+        if kind != "force":  # moments of pins are round-off
+            size = max(size, ROUND_OFF * float(np.linalg.norm(wanted["force"], axis=2).max()) * length)
         n = min(len(loads), len(wanted[kind]))
         difference = float(np.linalg.norm(loads[:n] - wanted[kind][:n], axis=2).max())
         out[kind] = difference / size if size > 0.0 else 0.0
