@@ -27,13 +27,14 @@ from .transfer import Transfer
 
 SHARE = 0.4  # of the accuracy for the elements, and for the steps
 ALMOST, AIM = 3.0, 0.95  # error, in parts of the wanted one, from which no whole halving is needed; step then aimed at
-USED = 0.95  # of it in all, before elements are judged again
+USED = 0.85  # of it in all, before elements are judged again
 FIRST_STEPS, FIRST_ACCURACY, SHORTER = (
     100,
     1e-3,
     0.3,
 )  # steps of the first run, more for more: waves must not be lost in them
 HALVINGS, ROUNDS, REPAIRS = 12, 8, 3
+FEWEST = {3: 5, 4: 8}  # elements to begin with, by order
 MORE_DEGREES = 1e-4  # accuracy from which on the order is one higher
 RATE, GROWTH = 4.0, (1.25, 3.0)  # the error of elements falls with this power of their number; least and most growth
 SMOOTH = 0.25  # error of an extrapolated motion in parts of its distance from the one before
@@ -60,7 +61,7 @@ class Search:
             extrapolate,
         )
         self.order = PILOT_ORDER + (accuracy <= MORE_DEGREES)
-        self.counts = {rod: pilot_elements(rod, 2 * self.order) for rod in model.rods}
+        self.counts = {rod: pilot_elements(rod, FEWEST[self.order]) for rod in model.rods}
         self.runs = self.iterations = 0
 
     def mesh(self) -> Model:

@@ -535,3 +535,12 @@ def test_summary_of_a_scene_without_contact_does_not_speak_of_it(scene, tmp_path
     assert main(["run", "s.toml", "--no-pictures", "-q"]) == 0
     summary = json.loads((tmp_path / "out" / "s" / "summary.json").read_text())
     assert not {"contacts", "clearances"} & set(summary)
+
+
+def test_compare_names_the_theory_that_suffices(scene, capsys):
+    assert main(["compare", "s.toml", "--tolerance", "0.1"]) == 0
+    told = capsys.readouterr().out
+    assert all(theory in told for theory in ("cosserat", "kirchhoff", "string"))
+    assert "Cheapest within 0.1 of the Cosserat rods: force:" in told
+    assert main(["compare", "s.toml", "--tolerance", "-1"]) == 2
+    assert main(["compare", "nothing.toml"]) == 2
