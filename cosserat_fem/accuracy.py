@@ -95,11 +95,19 @@ class InTime:
         known = history.rho_inf is not None and history.steps and history.extrapolated is None
         self.temporal = time_errors(history, self.stations, wanted) if known else {}
 
-    def without_elements(self, k: int) -> History:
-        return History(self.model, [self.spatial[k]])
+    def without_elements(self, k: int) -> History | None:
+        """Kept state k on the richer elements; None if the error grew without bound on the way."""
+        return _finite(self.model, self.spatial.get(k))
 
     def without_steps(self, k: int) -> History | None:
-        return History(self.history.model, [self.temporal[k]]) if k in self.temporal else None
+        """Kept state k without the error of the steps; None if that is not known."""
+        return _finite(self.history.model, self.temporal.get(k))
+
+
+def _finite(model: Model, record: Record | None) -> History | None:
+    if record is None or not (np.isfinite(record.state.r).all() and np.isfinite(record.state.q).all()):
+        return None
+    return History(model, [record])
 
 
 def add_errors(

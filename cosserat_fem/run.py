@@ -388,7 +388,10 @@ class _Writer:
         if history is not None and len(history):
             data |= describe(history, self.scene.parts)
             with self.phases.measure("estimate"):
-                data["discretisation"] = add_errors(data, history, describe, self.scene.parts)
+                try:
+                    data["discretisation"] = add_errors(data, history, describe, self.scene.parts)
+                except MemoryError as error:
+                    data["discretisation"] = {"not_found": out_of_memory(error)}
         data |= {
             "warnings": self.scene.model.warnings,
             "seconds": {"wall": self.phases.wall, "cpu": self.phases.cpu},

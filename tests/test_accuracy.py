@@ -131,6 +131,29 @@ def test_rigid_turning_in_space_has_no_error_of_elements():
     assert distance(moving.without_steps(10), cf.History(model, history.records[10:])).max() < 1e-3
 
 
+def test_every_peak_of_a_motion_has_an_error():
+    """Also of a held motion whose error would grow: what is not finite is told as None."""
+    from cosserat_fem.accuracy import add_errors
+    from cosserat_fem.run import describe
+
+    history = cf.solve_dynamic(
+        pendulum(3, 2), 0.1, start="drawn", step=cf.FixedStep(0.01), times=np.linspace(0, 0.1, 11)
+    )
+    said = describe(history)
+    told = add_errors(said, history, describe)
+    force = said["reactions"]["rod.start@ground"]["largest_force"]
+    assert force["error"] == force["error_elements"] + force["error_steps"] > 0
+    assert told["carried_along"] == 11
+    history.records[5] = replace(
+        history.records[5], rates=replace(history.records[5].rates, a=np.full_like(history.records[5].rates.a, np.nan))
+    )
+    said = describe(history)
+    add_errors(said, history, describe)
+    assert said["reactions"]["rod.start@ground"]["largest_force"]["t"] <= 0.04 or (
+        said["reactions"]["rod.start@ground"]["largest_force"]["error"] is None
+    )
+
+
 def test_accuracy_of_several_rods_in_a_frame():
     """Welded rods get elements of their own; supports answer by name."""
     section = cf.Section.rectangle(0.02, 0.01, youngs_modulus=1e8, poisson_ratio=0.3)
