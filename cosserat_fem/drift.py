@@ -202,7 +202,9 @@ def time_errors(history: History, stations: Sequence[int], wanted: set[int]) -> 
     jerk = _jerk(np.array([x.a for x in rates]), np.array([x.b for x in rates]), t, (am - af) * taken[count - 1, 1])
     a: list[Any] = []  # acceleration and its rate at the station before, in space, and how they turn
     for n, (k, record) in enumerate(zip(stations, records, strict=True)):
-        state, R, w = replace(record.state, velocity=None), matrix_from_quaternion(record.state.q), rates[n].v[:, 3:]
+        stress = history.model.internal.with_stress(record.state, history.model.space)  # frames keep none
+        state = replace(record.state, velocity=None, stress=stress)
+        R, w = matrix_from_quaternion(state.q), rates[n].v[:, 3:]
         now = [(_turned(R, x), _spun(R, w, x)) for x in (rates[n].a, jerk[n])]
         if n > 0:
             h = float(t[n] - t[n - 1])

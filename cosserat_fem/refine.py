@@ -70,21 +70,26 @@ def to_accuracy(model: Model, accuracy: float, times: np.ndarray, run: Run, star
     history = _pilot(model, few, run, start)
     spent, travels, target = history.counters.iterations, 1, SAFETY * accuracy
     while True:
+        if history.status == "stopped":
+            return history
         judged = Judged(history)
         spent += judged.iterations
-        whole = len(history) == len(times) or history.status == "stopped"
+        whole = len(history) == len(times)
         if whole and (judged.error <= ACCEPTED * accuracy or travels == TRAVELS):
             break
-        if whole and len(times) > 1:
+        if whole and len(times) > 1 and np.isfinite(judged.error):
             target = min(target, 0.7 * accuracy * target / judged.error)
         if judged.error > target:
             judged = _improve(judged, target)
             spent += judged.iterations
-        if len(times) == 1 and not model.contacts:
+        carried = not model.contacts and len(judged.history) > 0
+        if len(times) == 1 and carried:
             history = judged.history
             break
-        first = judged.history.records[0].state
-        history = run(judged.history.model, times, None if model.contacts else first)
+        first = judged.history.records[0].state if carried else None
+        if first is not None and first.t != times[0]:
+            first = None
+        history = run(judged.history.model, times, first)
         spent, travels = spent + history.counters.iterations, travels + 1
     meshes = {rod.name: (len(v.mesh.ends) - 1, v.mesh.order) for rod, v in history.model.space.views.items()}
     history.chosen = Chosen(accuracy, judged.error, meshes, travels, spent)
@@ -199,9 +204,14 @@ def _improve(judged: Judged, target: float) -> Judged:
             solved = newton.plain(guess)
             if not solved.converged:
                 solved = newton.guarded(guess)
+            if not solved.converged:
+                break
             records.append(Record(solved.state, solved.reactions, solved.iterations, solved.residual, solved.negative))
         spent += newton.counters.iterations
         history = History(mesh, records, counters=newton.counters)
+        if not records or len(records) < len(judged.finer):  # states are lost on the way: travel there
+            judged.history, judged.iterations = History(mesh), spent
+            return judged
         judged = Judged(history, scales)
         spent += judged.iterations
         if judged.error <= target * ACCEPTED / SAFETY:
