@@ -147,7 +147,8 @@ class Drift:
         constraints = self.model.constraints
         held = constraints.evaluate(state, constraints.targets(state.t))
         total = self.model.condensed(state, self.linear.scratch, shift, np.zeros_like(self.e) + load, step=moving)
-        return self.linear.solve(state, total.g, held, total.negative, total.symmetric, total.matrix).du.copy()
+        solution = self.linear.solve(state, total.g, held, total.negative, total.symmetric, total.matrix)
+        return solution.du.copy() if solution.singular < 0 else np.full_like(self.e, np.nan)
 
     def _tables(self, state: State, rates: Rates) -> list[tuple[Any, ...]] | None:
         """Tables of rods with internal damping, at the strain rates of the motion."""
