@@ -36,6 +36,7 @@ _HOMES = {
     "PartContact": "terms",
     "RodContact": "terms",
     "Model": "model",
+    "Elements": "rod",
     "State": "space",
     "History": "history",
     "solve_static": "statics",
@@ -47,6 +48,7 @@ _HOMES = {
     "bend_radius": "checks",
     "clearance": "checks",
     "distance_from_drawing": "checks",
+    "compare_theories": "theories",
     "to_pyvista": "export",
     "to_meshio": "export",
     "CurveGeometry": "curve",
@@ -74,7 +76,7 @@ if TYPE_CHECKING:
     from .integrator import AdaptiveStep, FixedStep
     from .mechanism import GROUND, Hinge, Part, Path, Slider
     from .model import Model
-    from .rod import Rod
+    from .rod import Elements, Rod
     from .run import run_scene
     from .scene import Scene, load_scene
     from .section import Section
@@ -84,6 +86,7 @@ if TYPE_CHECKING:
     from .support import Clamp, Pin, Weld
     from .surface import Surface
     from .terms import Damping, Drag, Electrostatic, Gravity, LineLoad, PartContact, PointLoad, RodContact
+    from .theories import compare_theories
 
 
 def __getattr__(name: str) -> Any:

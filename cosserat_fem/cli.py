@@ -296,6 +296,34 @@ def check(scene: pathlib.Path) -> int:
 
 
 @app.command
+def compare(scene: pathlib.Path | None = None, *, tolerance: float = 0.01) -> int:
+    """Run a scene as Cosserat rods, Kirchhoff rods and strings, and say which is enough. Nothing is written.
+
+    Parameters
+    ----------
+    scene
+        Scene file (TOML); without one, the satellite hinge deployment that comes along.
+    tolerance
+        Largest difference from the Cosserat rods, in parts of each peak.
+    """
+    from .errors import CosseratError
+    from .run import compare_scene
+
+    loaded = _load(scene)
+    if loaded is None:
+        return WRONG
+    if not tolerance > 0:
+        say_wrong(f"tolerance must be greater than 0 (got {tolerance:g}).")
+        return WRONG
+    try:
+        say(f"{loaded.title}\n{compare_scene(loaded, tolerance)}")
+    except CosseratError as error:
+        say_wrong(str(error))
+        return STOPPED
+    return OK
+
+
+@app.command
 def init(folder: pathlib.Path = pathlib.Path()) -> int:
     """Copy the satellite hinge scene and its meshes out, to start from.
 

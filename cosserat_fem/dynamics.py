@@ -17,9 +17,14 @@ from .history import History
 from .integrator import AdaptiveStep, Checkpoint, FixedStep, Run
 from .kernels.rotation import matrix_from_quaternion, multiply, quaternion_from_vector, relative_rotation
 from .model import Model
+from .refine import check_accuracy
 from .space import State
 from .statics import solve_static
+from .stepping import motion_to_accuracy
 from .terms.inertial import Rates
+from .transfer import Transfer
+
+KEPT = 101  # states of a run with an accuracy, if nothing is said
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +59,7 @@ def solve_dynamic(
     start_time: float = 0.0,
     callback: Callable[[Run], bool | None] | None = None,
     resume: Checkpoint | None = None,
+    accuracy: float | None = None,
 ) -> History:
     """Follow the motion in time.
 
@@ -75,10 +81,15 @@ def solve_dynamic(
     resume : Checkpoint, optional
         Go on from `Run.checkpoint()` of an earlier run of the same model with the same arguments. The history then
         holds the states from there on.
+    accuracy : optional
+        Choose elements and steps so that the estimated error of the nodes' places (root mean square over the kept times, in
+        parts of the rod's length) is at most this; see `stepping`. Without `times` a hundred and one are kept. Not with
+        `step`, `resume` or contact.
 
     Returns
     -------
-    History with velocities, an energy ledger and the log of steps.
+    History with velocities, an energy ledger and the log of steps. With `accuracy`, its model is the one with the elements
+    chosen (`history.model`; rods, supports and terms are the same objects), and `history.chosen` says which they are.
 
     Raises
     ------
@@ -87,6 +98,8 @@ def solve_dynamic(
     ConvergenceError
         The step became too short; the error carries the history so far.
     """
+    if accuracy is not None and (step is not None or resume is not None):
+        raise ValueError("solve_dynamic: accuracy chooses the steps; leave out step and resume.")
     step = step or AdaptiveStep()
     check_positive("solve_dynamic: duration", duration)
     rho = check_number("solve_dynamic: rho_inf", rho_inf)
@@ -95,6 +108,18 @@ def solve_dynamic(
     end = start_time + duration
     kept = None if times is None else _check_times(times, start_time, end)
     check_dynamic(model, (start_time, end))
+    if accuracy is not None:
+        wanted = check_accuracy("solve_dynamic", accuracy)
+        if model.contacts:
+            raise SceneError("model: accuracy of a run in time with contact cannot be asked for; give a step.")
+        kept = np.linspace(start_time, end, KEPT) if kept is None else kept
+
+        def on(mesh: Model, dt: float) -> History:
+            one = Run(mesh, start_time, end, rho, FixedStep(dt), kept, callback)
+            _begin(one, *_on_elements(model, mesh, start, velocity))
+            return one.go()
+
+        return motion_to_accuracy(model, wanted, duration, on, _extrapolated)
     if isinstance(step, FixedStep) and step.richardson:
         if resume is not None:
             raise ValueError("solve_dynamic: an extrapolated run cannot be resumed; run it with one step length.")
@@ -115,6 +140,17 @@ def solve_dynamic(
     else:
         _begin(run, start, velocity)
     return run.go()
+
+
+def _on_elements(model: Model, mesh: Model, start: Any, velocity: Any) -> tuple[Any, Any]:
+    """Start and velocity that were given for one model, on the elements of another."""
+    transfer = Transfer(model, mesh)
+    if isinstance(start, State):
+        model.check_state(replace(start, stress=model.initial_state().stress))
+        start = transfer.state(start)
+    if velocity is not None and not isinstance(velocity, RigidVelocity):
+        velocity = transfer.nodal(check_shape("solve_dynamic: velocity", velocity, (model.space.n_nodes, 6)))
+    return start, velocity
 
 
 def _begin(run: Run, start: Any, velocity: Any) -> None:

@@ -69,6 +69,27 @@ class Event:
     lost: float
 
 
+@dataclass(frozen=True)
+class Chosen:
+    """What was chosen for an accuracy that was asked for, in parts of each reported peak.
+
+    estimate : estimated error on the elements chosen; elements : number and order for each rod; travels : whole runs made;
+    iterations : of all of them and of the checks; dt [s] : shortest step, of a run in time
+    """
+
+    asked: float
+    estimate: float
+    elements: dict[str, tuple[int, int]]
+    travels: int
+    iterations: int
+    dt: float | None = None
+
+    def __str__(self) -> str:
+        counts = ", ".join(f"{n} elements of order {order} on {rod!r}" for rod, (n, order) in self.elements.items())
+        steps = "" if self.dt is None else f" and steps of {self.dt:.3g} s"
+        return f"accuracy {self.asked:g} asked, {self.estimate:.1e} estimated with {counts}{steps}"
+
+
 @dataclass(eq=False)
 class History:
     """Accepted states of one run of a model.
@@ -83,6 +104,10 @@ class History:
     steps : list of (t at the end [s], length [s], error in parts of the allowed one, accepted), of a run in time
     extrapolated : float, optional
         Distance between the two runs of a Richardson extrapolation, divided by 3: the error of the finer one.
+    rho_inf : float, optional
+        Spectral radius of a run in time.
+    chosen : Chosen, optional
+        What was chosen where an accuracy was asked for; `model` has these elements.
     """
 
     model: Model
@@ -92,6 +117,8 @@ class History:
     counters: Counters = field(default_factory=Counters)
     steps: list[tuple[float, float, float, bool]] = field(default_factory=list)
     extrapolated: float | None = None
+    rho_inf: float | None = None
+    chosen: Chosen | None = None
 
     def __repr__(self) -> str:
         span = f"t = {self.t[0]:g} .. {self.t[-1]:g} s, " if self.records else ""

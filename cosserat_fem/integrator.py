@@ -40,7 +40,7 @@ from .newton import CompiledStep, Newton, Solved
 from .rates import NOBODY, Balance
 from .space import State
 from .terms.dissipative import damped_tables, tables_at_rate
-from .terms.inertial import Driven, InertiaStep, Rates
+from .terms.inertial import Driven, InertiaStep, Rates, constants
 
 TOLERANCE = 1e-9  # relative residual of a time step
 SMALLEST = 1e-10  # of the duration: a step shorter than this ends the run
@@ -154,12 +154,9 @@ class Run:
     ) -> None:
         self.model, self.begin_time, self.end, self.step = model, t, end, step
         self.times, self.callback = times, callback
-        am, af = (2 * rho - 1) / (rho + 1), rho / (rho + 1)
-        gamma = 0.5 - am + af
-        beta = 0.25 * (gamma + 0.5) ** 2
-        self._method = (am, af, beta, gamma)
+        self._method = am, af, beta, _ = constants(rho)
         self._constant = abs(beta + 0.5 * (am - af) - 1 / 6)
-        self.history = History(model)
+        self.history = History(model, rho_inf=rho)
         self.newton = Newton(model)
         self.history.counters = self.newton.counters
         self.steps = self.history.steps

@@ -8,11 +8,12 @@ once; facts worth a warning are kept in `warnings` and logged.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from time import thread_time
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -21,15 +22,18 @@ from scipy.sparse import coo_matrix, csc_matrix
 from .constraint import Constraints
 from .errors import SceneError, nearest
 from .mechanism import Part
-from .rod import Rod
+from .rod import Elements, Rod
 from .space import Blocks, Space, State
 from .support import Clamp, Pin, Support, Weld
 from .terms import Term
 from .terms.internal import Additions, Condensed, InternalForce, KardanBeam, QuaternionBeam
+from .terms.string import String
 
 log = logging.getLogger(__name__)
 
 NO_BLOCKS = np.empty((0, 6, 6))
+THEORIES = ("cosserat", "kirchhoff", "string")
+STRING_SHIFT = 1e-8  # EI / EA L^2 that stands for that of a string in the shift
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,11 +94,18 @@ class Model:
     rotation : "quaternion" or "kardan"
         Interpolation of the rotations. "kardan" uses the angles (psi, theta, phi) of the source paper: singular where
         a rod points along x, not objective; for comparison.
+    theory : "cosserat", "kirchhoff" or "string"
+        What rods resist: all six strains; all but shear, which is left out (its stiffness is a thousand times EA); stretch
+        alone, with no rotation, bending or twist, so that clamps act as pins and loads must be dead forces.
+    elements : {rod: Elements}, optional
+        For rods that do not take the elements they ask for themselves.
 
     Attributes
     ----------
     warnings : list of str
         What the model's user should know; also logged.
+    spent : {name: s}
+        CPU time so far of each term and of the internal force.
 
     Raises
     ------
@@ -111,6 +122,8 @@ class Model:
         terms: Sequence[Term] = (),
         *,
         rotation: Literal["quaternion", "kardan"] = "quaternion",
+        theory: Literal["cosserat", "kirchhoff", "string"] = "cosserat",
+        elements: Mapping[Rod, Elements] | None = None,
     ) -> None:
         if rotation not in ("quaternion", "kardan"):
             raise ValueError(f"model: rotation must be 'quaternion' or 'kardan' (got {rotation!r}).")
@@ -127,17 +140,23 @@ class Model:
         self.contacts: tuple[Any, ...] = tuple(term for term in self.terms if getattr(term, "contact", False))
         if self.contacts and rotation == "kardan":
             raise SceneError("model: contact needs rotation = 'quaternion'.")
-        self.rotation = rotation
+        if theory not in THEORIES:
+            raise ValueError(f"model: theory must be 'cosserat', 'kirchhoff' or 'string' (got {theory!r}).")
+        self.rotation, self.theory = rotation, theory
         self._check_members()
         if rotation == "kardan" and self.welds:
             raise SceneError(
                 "model: welds need rotation = 'quaternion'; Kardan angles cannot join two rods at an angle."
             )
-        self.space = Space(self.rods, self._marks(), rotation)
+        self._check_theory()
+        self.space = Space(self.rods, self.marks, rotation, elements, theory)
         self.internal: InternalForce = QuaternionBeam() if rotation == "quaternion" else KardanBeam()
+        if theory == "string":
+            self.internal = String()
         self.constraints = Constraints(self.space, self.supports, self.welds)
         self.symmetric = all(term.symmetric for term in self.terms)
         self.warnings: list[str] = []
+        self.spent: dict[str, float] = {}
         if any(getattr(term, "needs_mass", False) for term in self.terms):
             for rod in self.rods:
                 if not self.space.node_mass[self.space[rod].nodes].any():
@@ -151,8 +170,41 @@ class Model:
         other.terms = tuple(terms)
         other.contacts = tuple(term for term in terms if getattr(term, "contact", False))
         other.symmetric = all(term.symmetric for term in terms)
-        other.warnings = []
+        other.warnings, other.spent = [], {}
         return other
+
+    def with_elements(self, elements: Mapping[Rod, Elements]) -> Model:
+        """The same system on other elements; rods, supports and terms are the same objects, and so is `warnings`."""
+        other = copy(self)
+        for name in ("shift", "scales", "free_motions"):  # those that were asked for already
+            other.__dict__.pop(name, None)
+        other.space = Space(self.rods, self.marks, self.rotation, elements, self.theory)
+        other.constraints = Constraints(other.space, self.supports, self.welds)
+        other.spent = {}
+        return other
+
+    def with_theory(self, theory: Literal["cosserat", "kirchhoff", "string"]) -> Model:
+        """The same rods on the same elements, supports and terms in another theory; with warnings of its own."""
+        elements = {rod: view.mesh for rod, view in self.space.views.items()}
+        supports: list[Support | Weld] = [*self.supports, *self.welds]
+        return Model(self.rods, supports, self.terms, rotation=self.rotation, theory=theory, elements=elements)
+
+    def _check_theory(self) -> None:
+        """SceneError if a string would have to do what it cannot."""
+        if self.theory == "cosserat":
+            return
+        if self.rotation == "kardan" and self.theory == "string":
+            raise SceneError("model: a string has no rotations; leave out rotation = 'kardan'.")
+        if self.theory == "kirchhoff":
+            return
+        wrong = [
+            f"term {term.name!r}: cannot act on a string, which has no sections that turn; strings take weight, dead forces "
+            "and contact without friction."
+            for term in self.terms
+            if not getattr(term, "acts_on_strings", False)
+        ]
+        if wrong:
+            raise SceneError(wrong)
 
     def _check_members(self) -> None:
         if not self.rods:
@@ -183,7 +235,8 @@ class Model:
         if faults:
             raise SceneError(faults)
 
-    def _marks(self) -> list[list[float]]:
+    @cached_property
+    def marks(self) -> list[list[float]]:
         """Arc lengths where each rod needs a node: supports, welds and point loads."""
         marks: dict[Rod, list[float]] = {rod: [] for rod in self.rods}
         for h in self.supports:
@@ -228,6 +281,7 @@ class Model:
         elements: dict[int, list[Blocks]] = {}
         coupled: list[Blocks] = []
         stiffest, symmetric = 0.0, True
+        since = thread_time()
         for term in self.terms:
             pressing = False
             if term in self.contacts:
@@ -250,8 +304,15 @@ class Model:
                 else:
                     coupled.append(blocks)
             symmetric &= term.symmetric or (term in self.contacts and not pressing)
+            since = self.spend(term.name, since)
         blocks_of = {k: self._of_elements(k, b) for k, b in elements.items()}
         return External(g, nodal, blocks_of, tuple(coupled), stiffest, symmetric)
+
+    def spend(self, name: str, since: float) -> float:
+        """Book the CPU time [s] since `since` on a name; the time now."""
+        now = thread_time()
+        self.spent[name] = self.spent.get(name, 0.0) + now - since
+        return now
 
     def touching(self, state: State) -> np.ndarray:
         """Residual (N, 6) of the contact terms alone."""
@@ -282,7 +343,9 @@ class Model:
         g = outside.g
         if step is not None:
             largest = step.add(state, g, NO_BLOCKS)
+        since = thread_time()
         force, moment = self.internal.residual(state, self.space, g, tables)
+        self.spend(self.internal.name, since)
         return Sum(g, max(force, largest[0]), max(moment, largest[1]), stiffest=outside.stiffest)
 
     def condensed(
@@ -308,13 +371,16 @@ class Model:
         if offset is not None:
             g += offset
         symmetric = outside.symmetric and step is None
+        since = thread_time()
         if outside.coupled:
             force, moment, matrices = self.internal.full(state, self.space, g, tables)  # type: ignore[attr-defined]
+            self.spend(self.internal.name, since)
             matrix = self._summed(matrices, outside, nodal, mu)
             largest = (max(force, largest[0]), max(moment, largest[1]))
             return Sum(g, *largest, 0, symmetric, matrix, outside.stiffest)
         additions = Additions(nodal, outside.elements, self.shift, mu, symmetric, tables)
         force, moment, negative = self.internal.condensed(state, self.space, g, scratch, additions)
+        self.spend(self.internal.name, since)
         largest = (max(force, largest[0]), max(moment, largest[1]))
         return Sum(g, *largest, negative, symmetric, None, outside.stiffest)
 
@@ -363,6 +429,8 @@ class Model:
             view = self.space[rod]
             group = self.space.groups[view.group]
             bending = float(group.stiffness[view.elements][..., (3, 4), (3, 4)].mean())
+            if self.theory == "string":
+                bending = STRING_SHIFT * float(group.stiffness[view.elements][..., 2, 2].mean()) * rod.length**2
             weight = self.space.share(rod) * bending / rod.length**2
             shift[view.nodes, :3] = weight[:, None] / rod.length**2
             shift[view.nodes, 3:] = weight[:, None]

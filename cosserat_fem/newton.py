@@ -13,6 +13,7 @@ not be used where the wanted state is unstable. The residual is untouched by mu,
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from time import thread_time
 from typing import Any
 
 import numpy as np
@@ -27,11 +28,13 @@ from .model import Model, Step, Sum
 from .space import State
 from .terms.external import NO_LOADS
 from .terms.inertial import Driven, InertiaStep
+from .terms.internal import QuaternionBeam
 from .terms.touch import Pressed
 
 RESIDUAL = 1e-11  # relative
 ROUND_OFF = 2 * np.finfo(float).eps
 STAGNANT = 32.0  # residual in units of the tolerance, accepted when a small step no longer halves it
+LINEAR, COMPILED = "linear systems", "compiled time steps"  # where CPU time is booked besides terms
 NO_REACTIONS = np.empty((0, 6))
 NO_PLACES = (np.empty((0, 3)), np.empty((0, 4)))
 LARGEST_TURN = 0.8  # rad in one guarded step
@@ -174,7 +177,9 @@ class Newton:
                 return stop(f"no convergence within {iterations} iterations")
             near = small and mu <= SMALLEST_SHIFT  # stability counts only without the shift
             symmetric = total.symmetric
+            since = thread_time()
             solution = self.linear.solve(state, total.g, held, total.negative, symmetric, total.matrix)
+            model.spend(LINEAR, since)
             self.counters.iterations += 1
             self.counters.linear[solution.method] = self.counters.linear.get(solution.method, 0) + 1
             bad = solution.singular >= 0
@@ -191,7 +196,9 @@ class Newton:
             scale = min(1.0, LARGEST_TURN / turn) if limited and turn > 0 else 1.0
             if not limited and turn > (np.inf, 2.0, 2.0, 1.0)[min(k, 3)]:  # no solve that converged turned more
                 return stop("the iteration diverges")
+            since = thread_time()
             stress = model.internal.extrapolate(state, model.space, du, 1.0, step.tables if step else None)
+            model.spend(model.internal.name, since)
             try:
                 if approach is None:
                     moved = model.space.update(state, du, scale)
@@ -309,7 +316,9 @@ class CompiledStep:
         c = model.constraints
         simple = not c.transforms and not c.joints and len(model.space.groups) == 1
         return (
-            simple and model.rotation == "quaternion" and all(getattr(term, "tabulated", False) for term in model.terms)
+            simple
+            and isinstance(model.internal, QuaternionBeam)
+            and all(getattr(term, "tabulated", False) for term in model.terms)
         )
 
     def solve(self, guess: State, moved: np.ndarray, step: InertiaStep, driven: Driven) -> Solved:
@@ -344,11 +353,13 @@ class CompiledStep:
         g = np.empty((space.n_nodes, 6))
         r, q, sigma = guess.r, guess.q, guess.stress[0]  # the guess is ours: it was made for this step
         tables = self.group.tables if step.tables is None else step.tables[0]
+        since = thread_time()
         beam = (self.group.packed_conn, self.group.n_elements, self.group.N, *tables, space.owner)
         status, k, checks, residual, where = newton_step(
             beam, self.linear, (*self.held, *places), inertia, table, limits, 20, moved, r,
             q, sigma, (g, self.nodal, self.du, step.D, step.v, step.a, step.b, self.each, self.R),
         )  # fmt: skip
+        model.spend(COMPILED, since)
         counters = self.newton.counters
         counters.iterations += k
         counters.residuals += checks

@@ -26,6 +26,36 @@ SNAP = 0.3  # an element boundary closer than this part of an element to a wante
 
 
 @dataclass(frozen=True, eq=False)
+class Elements:
+    """Elements along a rod: degree of the shape functions, and boundaries ends (n + 1,) [m] from 0 to the rod's length."""
+
+    order: int
+    ends: Any
+
+    def __post_init__(self) -> None:
+        check_integer("elements: order", self.order, 1, 8)
+        ends = check_shape("elements: ends", self.ends, (-1,))
+        if len(ends) < 2 or (np.diff(ends) <= 0).any():
+            raise ValueError("elements: ends must be at least two increasing places.")
+        object.__setattr__(self, "ends", ends)
+
+    def check(self, rod: Rod, marks: Sequence[float]) -> Elements:
+        """These elements with ends exactly on the rod's; ValueError if they do not fit it."""
+        where, slack = f"elements of rod {rod.name!r}", SAME * rod.length
+        if abs(self.ends[0]) > slack or abs(self.ends[-1] - rod.length) > slack:
+            raise ValueError(
+                f"{where}: must run from 0 to {rod.length:g} m (got {self.ends[0]:g} to {self.ends[-1]:g} m)."
+            )
+        ends = self.ends.copy()
+        ends[[0, -1]] = 0.0, rod.length
+        for s in marks:
+            k = int(np.argmin(np.abs(ends - s)))
+            if abs(ends[k] - s) > slack:
+                raise ValueError(f"{where}: none ends at s = {s:.6g} m, where a support or load needs a node.")
+        return Elements(self.order, ends)
+
+
+@dataclass(frozen=True, eq=False)
 class Rod:
     """A rod: a curve with a section.
 
@@ -225,17 +255,23 @@ class Rod:
         knots = np.linspace(0.0, self.length, len(self.rest))
         return np.stack([np.interp(s, knots, column) for column in self.rest.T], axis=-1)
 
-    def element_ends(self, marks: Sequence[float] = ()) -> np.ndarray:
+    def elements(self, marks: Sequence[float] = ()) -> Elements:
+        """The elements that the rod asks for, with a boundary at every mark."""
+        return Elements(self.order, self.element_ends(marks))
+
+    def element_ends(self, marks: Sequence[float] = (), n_elements: int | None = None) -> np.ndarray:
         """Element boundaries (n + 1,) [m] from 0 to `length`, with one at every mark and at every step of the section.
 
         With `layer` the boundaries are spread so that equal parts hold equal shares of
         w(s) = 1 / L + sum over layers of exp(-|s - c| / 3 layer) / 6 layer, about half of it in the layers.
+        n_elements: other than the rod's own.
         """
+        n = n_elements or self.n_elements
         L = float(self.length)
         wanted = sorted({float(m) for m in marks} | {p for p, _ in self.sections})
         wanted = [m for m in wanted if SAME * L < m < (1 - SAME) * L]
         if self.layer is None:
-            ends = np.linspace(0.0, L, self.n_elements + 1)
+            ends = np.linspace(0.0, L, n + 1)
         else:
             width = min(3.0 * self.layer, L)
             s = np.unique(np.concatenate([np.linspace(0.0, L, 2001), _fine(L, width, wanted)]))
@@ -243,7 +279,7 @@ class Rod:
             for c in (0.0, L, *(m for m in map(float, marks) if m in wanted)):
                 share = share + 0.5 * np.sign(s - c) * (1 - np.exp(-np.abs(s - c) / width))
             share = share - share[0]
-            ends = np.interp(np.linspace(0.0, share[-1], self.n_elements + 1), share, s)
+            ends = np.interp(np.linspace(0.0, share[-1], n + 1), share, s)
             ends[0], ends[-1] = 0.0, L
         fixed = np.zeros(len(ends), dtype=bool)
         fixed[[0, -1]] = True

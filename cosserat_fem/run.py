@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from .accuracy import add_errors
 from .checks import bend_radius, clearance, distance_from_drawing, worst
 from .dynamics import RigidVelocity, solve_dynamic
 from .errors import ConvergenceError, CosseratError, SceneError, one_line, out_of_memory
@@ -45,9 +46,11 @@ from .history import History, Record
 from .integrator import AdaptiveStep, Checkpoint, FixedStep, Run
 from .kernels import CompileClock
 from .mechanism import Hinge, Part
+from .model import Model
 from .scene import Scene, load_scene
 from .space import State
 from .statics import solve_quasistatic, solve_static
+from .theories import Comparison, compare_theories
 
 PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "pyvista", "vtk", "h5py", "pyamg")
 COUNTED = ("iterations", "residuals")  # counters that go on in a resumed run
@@ -206,7 +209,8 @@ def _solve(
     if scene.tables.solve.kind == "dynamic":
         return _solve_in_time(scene, progress, folder, resume)
     if scene.tables.solve.kind == "static":
-        history = solve_static(scene.model, t=float(scene.times[0]), steps=scene.tables.solve.steps)
+        table = scene.tables.solve
+        history = solve_static(scene.model, t=float(scene.times[0]), steps=table.steps, accuracy=table.accuracy)
         if progress is not None:
             progress(1, 1)
         return history
@@ -218,10 +222,32 @@ def _solve(
         asked = progress is not None and bool(progress(k + 1, len(scene.times)))
         return asked
 
-    history = solve_quasistatic(scene.model, scene.times, callback=callback)
+    history = solve_quasistatic(scene.model, scene.times, callback=callback, accuracy=scene.tables.solve.accuracy)
     if asked:
         history.status, history.message = "stopped", f"asked to stop at t = {history.t[-1]:g} s"
     return history
+
+
+def compare_scene(scene: Scene, tolerance: float) -> Comparison:
+    """A scene in all theories; nothing is written."""
+    table = scene.tables.solve
+    model = scene.model
+    if table.accuracy is not None and table.kind != "dynamic":  # elements for all of them
+        model = _solve(scene, None, pathlib.Path(), False).model
+
+    def solve(variant: Model) -> History:
+        if table.kind == "static":
+            return solve_static(variant, t=float(scene.times[0]), steps=table.steps)
+        if table.kind == "quasistatic":
+            return solve_quasistatic(variant, scene.times)
+        step = FixedStep(table.dt, table.richardson) if table.dt is not None else AdaptiveStep(table.rtol or 1e-4)
+        velocity = None if table.velocity is None else RigidVelocity(**table.velocity.model_dump())
+        return solve_dynamic(
+            variant, float(scene.times[-1]), start=table.start, velocity=velocity, rho_inf=table.rho_inf, step=step,
+            times=scene.times,
+        )  # fmt: skip
+
+    return compare_theories(model, solve, tolerance=tolerance)
 
 
 class _FramesError(Exception):
@@ -250,8 +276,8 @@ def _solve_in_time(
             )
         saved = with_terms(saved, scene.model)
         _, before = read_frames(folder / FRAMES, saved.kept)
-    extrapolated = table.dt is not None and table.richardson
-    frames = None if extrapolated else FrameFile(folder / FRAMES, identity, saved.kept if saved else None)
+    several = table.richardson or table.accuracy is not None  # runs; there is no one to go on with
+    frames = None if several else FrameFile(folder / FRAMES, identity, saved.kept if saved else None)
     written, last, asked = 0, time.monotonic(), False
 
     def save(run: Run, frames: FrameFile) -> None:
@@ -277,13 +303,17 @@ def _solve_in_time(
             last = time.monotonic()
         return asked
 
-    step = FixedStep(table.dt, table.richardson) if table.dt is not None else AdaptiveStep(table.rtol or 1e-4)
+    step: FixedStep | AdaptiveStep | None = None
+    if table.dt is not None:
+        step = FixedStep(table.dt, table.richardson)
+    elif table.accuracy is None:
+        step = AdaptiveStep(table.rtol or 1e-4)
     velocity = None if table.velocity is None else RigidVelocity(**table.velocity.model_dump())
     end = float(scene.times[-1])
     try:
         history = solve_dynamic(
             scene.model, end, start=table.start, velocity=velocity, rho_inf=table.rho_inf, step=step,
-            times=scene.times, callback=callback, resume=saved,
+            times=scene.times, callback=callback, resume=saved, accuracy=table.accuracy,
         )  # fmt: skip
     except (_FramesError, ConvergenceError) as error:
         if error.history is not None:
@@ -296,7 +326,7 @@ def _solve_in_time(
     for name in COUNTED:
         setattr(history.counters, name, getattr(history.counters, name) + counters.get(name, 0))
     if asked:
-        resumable = "" if extrapolated else f"; `cosserat-fem resume {folder}` goes on"
+        resumable = "" if several else f"; `cosserat-fem resume {folder}` goes on"
         history.message = f"asked to stop at t = {history.t[-1] if len(history) else 0:g} s{resumable}"
     return history
 
@@ -357,6 +387,11 @@ class _Writer:
         }
         if history is not None and len(history):
             data |= describe(history, self.scene.parts)
+            with self.phases.measure("estimate"):
+                try:
+                    data["discretisation"] = add_errors(data, history, describe, self.scene.parts)
+                except MemoryError as error:
+                    data["discretisation"] = {"not_found": out_of_memory(error)}
         data |= {
             "warnings": self.scene.model.warnings,
             "seconds": {"wall": self.phases.wall, "cpu": self.phases.cpu},
@@ -382,10 +417,13 @@ def describe(history: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
         **({"in_time": _describe_motion(history)} if history.dynamic else {"stable": _stability(history)}),
         "physics": {
             "terms": terms,
+            "cpu_seconds": {name: round(spent, 6) for name, spent in model.spent.items()},
             "rotation": model.rotation,
+            "theory": model.theory,
             "supports": [str(h.name) for h in model.supports],
             "welds": len(model.welds),
             "unknowns": 6 * model.space.n_nodes,
+            **({"chosen": asdict(history.chosen)} if history.chosen is not None else {}),
         },
         "rods": {rod.name: _describe_rod(history, rod) for rod in model.rods},
         "reactions": {str(h.name): _describe_reaction(history, h) for h in model.supports},
@@ -434,7 +472,7 @@ def _describe_rod(history: History, rod: Any) -> dict[str, Any]:
     lengths = stretch @ dx
     return {
         "elements": len(history.model.space[rod].vertices) - 1,
-        "order": rod.order,
+        "order": history.model.space[rod].mesh.order,
         "length": {"free": float(rod.length), "drawn": float(rod.drawn_length), "longest": float(lengths.max())},
         "largest_strain": {name: worst(np.abs(strain[..., k]), t, stations) for k, name in enumerate(names)},
         "smallest_bend_radius": radius if np.isfinite(radius["value"]) else None,

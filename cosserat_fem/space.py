@@ -11,9 +11,9 @@ increments (Kardan). A state is a value: an update makes a new one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -31,15 +31,26 @@ from .kernels.rotation import (
     quaternion_from_matrix,
     rotate_bodies,
 )
-from .rod import Rod
+from .rod import Elements, Rod
 
+RIGID = 1e3  # shear stiffness of a Kirchhoff rod in parts of EA
+FIRST_TENSION = (
+    1e-3  # of EA: of the stress memory of a string at its drawn shape, where a straight one would be a mechanism
+)
 SINGULAR_COSINE = np.cos(np.radians(89.5))  # Kardan angles are refused nearer to theta = 90 deg than this
 
 
+@cache
 def gauss_lobatto(order: int) -> np.ndarray:
     """Gauss-Lobatto points (order + 1,) on [0, 1]: the ends and the zeros of the derivative of P_order."""
     legendre = np.polynomial.Legendre.basis(order)
     return 0.5 * (1.0 + np.concatenate([[-1.0], np.sort(legendre.deriv().roots().real), [1.0]]))
+
+
+@cache
+def gll_element(order: int) -> ElementLineGLL:
+    """The element of an order, made once."""
+    return ElementLineGLL(order)
 
 
 class ElementLineGLL(ElementH1):
@@ -135,6 +146,7 @@ class RodNodes:
     nodes: np.ndarray  # (N,) node numbers by increasing s
     s: np.ndarray  # (N,) [m]
     s_gauss: np.ndarray  # (E * Q,) [m]
+    mesh: Elements
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,33 +229,48 @@ class Space:
     rods : sequence of Rod
     marks : for each rod, the arc lengths where it needs a node
     rotation : "quaternion" or "kardan"
+    elements : for rods that do not take the elements they ask for, others
+    theory : "cosserat", "kirchhoff" or "string"
     """
 
-    def __init__(self, rods: Sequence[Rod], marks: Sequence[Sequence[float]], rotation: str = "quaternion") -> None:
+    def __init__(
+        self,
+        rods: Sequence[Rod],
+        marks: Sequence[Sequence[float]],
+        rotation: str = "quaternion",
+        elements: Mapping[Rod, Elements] | None = None,
+        theory: str = "cosserat",
+    ) -> None:
         self.rods = tuple(rods)
-        self.rotation = rotation
-        ends = {rod: rod.element_ends(m) for rod, m in zip(rods, marks, strict=True)}
+        self.rotation, self.theory = rotation, theory
+        given = elements or {}
+        meshes = {
+            rod: given[rod].check(rod, m) if rod in given else rod.elements(m)
+            for rod, m in zip(rods, marks, strict=True)
+        }
+        ends = {rod: mesh.ends for rod, mesh in meshes.items()}
         groups: list[Group] = []
         views: dict[Rod, RodNodes] = {}
         n_nodes = 0
-        for order in sorted({rod.order for rod in rods}):
-            members = [rod for rod in rods if rod.order == order]
+        for order in sorted({mesh.order for mesh in meshes.values()}):
+            members = [rod for rod in rods if meshes[rod].order == order]
             basis, conn, first_vertex, first_element = _mesh(order, [ends[rod] for rod in members], n_nodes)
             locations = basis.doflocs[0]
             stiffness, reference = [], []
             for rod, vertex, element in zip(members, first_vertex, first_element, strict=True):
                 n = len(ends[rod]) - 1
-                elements = slice(element, element + n)
-                s_gauss = np.asarray(basis.global_coordinates())[0][elements].ravel()
-                nodes = np.unique(conn[elements])
+                mine = slice(element, element + n)
+                s_gauss = np.asarray(basis.global_coordinates())[0][mine].ravel()
+                nodes = np.unique(conn[mine])
                 s = locations[nodes - n_nodes]
                 by_s = np.argsort(s, kind="stable")
                 vertices = n_nodes + vertex + np.arange(n + 1)
-                views[rod] = RodNodes(rod, len(groups), elements, vertices, nodes[by_s], s[by_s], s_gauss)
-                stiffness.append(rod.section_at(s_gauss)[0].reshape(n, order, 6, 6))
+                views[rod] = RodNodes(rod, len(groups), mine, vertices, nodes[by_s], s[by_s], s_gauss, meshes[rod])
+                stiffness.append(_of_theory(rod.section_at(s_gauss)[0], theory).reshape(n, order, 6, 6))
                 straight = np.zeros((n * order, 6))
                 straight[:, 2] = 1.0
-                straight[:, 3:] = rod.rest_curvature(s_gauss)
+                if theory != "string":
+                    straight[:, 3:] = rod.rest_curvature(s_gauss)
                 reference.append(straight.reshape(n, order, 6))
             groups.append(
                 Group(
@@ -270,7 +297,7 @@ class Space:
     def node(self, rod: Rod, s: float) -> int:
         """Node number at arc length s of a rod; there must be a vertex."""
         view = self.views[rod]
-        s_vertices = view.s[:: rod.order]
+        s_vertices = view.s[:: view.mesh.order]
         return int(view.vertices[np.argmin(np.abs(s_vertices - s))])
 
     @cached_property
@@ -363,6 +390,11 @@ class Space:
                 scaled = replace(state, r=r * (rod.length / rod.drawn_length))
                 strain, _ = self.strain_and_frame(scaled, view.group)
                 self.groups[view.group].reference[view.elements] = strain[view.elements]
+        if self.theory == "string":
+            tight = [np.zeros_like(g.reference) for g in self.groups]
+            for stress, group in zip(tight, self.groups, strict=True):
+                stress[..., 2] = FIRST_TENSION * group.stiffness[..., 2, 2]
+            return replace(state, stress=tuple(tight))
         zero = [np.zeros_like(g.tables[2]) if angles is None else np.zeros_like(g.reference) for g in self.groups]
         return replace(state, stress=tuple(zero))
 
@@ -429,6 +461,8 @@ class Space:
         g = self.groups[group]
         E, Q = g.dx.shape
         strain, frame = np.empty((E, Q, 6)), np.empty((E, Q, 3, 3))
+        if self.theory == "string":
+            return self._stretch_and_frame(state, g)
         if state.angles is not None:
             kardan.strain_and_frame(g.conn, g.N, g.N_s, state.r, state.angles, strain, frame)
         else:
@@ -436,6 +470,33 @@ class Space:
             condense.strain_and_frame(g.packed_conn, E, g.N, g.packed_slopes, state.r, state.q, strain, flat)
             frame = flat.reshape(E, Q, 3, 3)
         return strain, frame
+
+    def _stretch_and_frame(self, state: State, g: Group) -> tuple[np.ndarray, np.ndarray]:
+        """As `strain_and_frame`, of strings: d3 is the tangent, d1 as near as may be to that of the element's first node."""
+        x = np.einsum("eqa,eai->eqi", g.N_s, state.r[g.conn], optimize=True)
+        strain, length = np.zeros((*g.dx.shape, 6)), np.linalg.norm(x, axis=2)
+        strain[..., 2] = length
+        d3 = x / np.maximum(length, 1e-300)[..., None]
+        near = matrix_from_quaternion(state.q[g.conn[:, 0]])
+        d1 = near[:, None, :, 0] - (near[:, None, :, 0] * d3).sum(2, keepdims=True) * d3
+        other = near[:, None, :, 1] - (near[:, None, :, 1] * d3).sum(2, keepdims=True) * d3
+        size = np.linalg.norm(d1, axis=2, keepdims=True)
+        d1 = np.where(size > 1e-3, d1, other)
+        d1 /= np.linalg.norm(d1, axis=2, keepdims=True)
+        return strain, np.stack([d1, np.cross(d3, d1), d3], axis=-1)
+
+
+def _of_theory(C: np.ndarray, theory: str) -> np.ndarray:
+    """Stiffness (n, 6, 6) of sections as a theory has it."""
+    if theory == "string":
+        only = np.zeros_like(C)
+        only[:, 2, 2] = C[:, 2, 2]
+        return only
+    if theory == "kirchhoff":
+        C = C.copy()
+        C[:, :2], C[:, :, :2] = 0.0, 0.0
+        C[:, (0, 1), (0, 1)] = RIGID * C[:, 2, 2, None]
+    return C
 
 
 def _given(values: np.ndarray, s: np.ndarray) -> np.ndarray:
@@ -452,6 +513,6 @@ def _mesh(order: int, ends: Sequence[np.ndarray], offset: int) -> tuple[Basis, n
     )
     mesh = MeshLine(np.concatenate(ends)[None], t)
     X, W = np.polynomial.legendre.leggauss(order)
-    basis = Basis(mesh, ElementLineGLL(order), quadrature=(0.5 * (1 + X)[None], 0.5 * W))
+    basis = Basis(mesh, gll_element(order), quadrature=(0.5 * (1 + X)[None], 0.5 * W))
     conn = np.ascontiguousarray(basis.element_dofs.T.astype(np.int64)) + offset
     return basis, conn, first_vertex, first_element

@@ -25,6 +25,7 @@ from .history import History, Record
 from .kernels.rotation import multiply, quaternion_from_vector, relative_rotation
 from .model import Model
 from .newton import Newton, Solved
+from .refine import check_accuracy, to_accuracy
 from .space import State
 
 log = logging.getLogger(__name__)
@@ -35,7 +36,14 @@ BEND = 0.02  # rad
 PUSHES = 8  # decades of stiffness with which overlapping rods are pushed apart
 
 
-def solve_static(model: Model, *, t: float = 0.0, start: State | None = None, steps: int | None = None) -> History:
+def solve_static(
+    model: Model,
+    *,
+    t: float = 0.0,
+    start: State | None = None,
+    steps: int | None = None,
+    accuracy: float | None = None,
+) -> History:
     """Find the equilibrium at one time, by itself: from the drawn shape, or from `start`.
 
     Parameters
@@ -46,10 +54,14 @@ def solve_static(model: Model, *, t: float = 0.0, start: State | None = None, st
         A state of this model (`history.final`).
     steps : int, optional
         Go there in this many equal load steps; by default only as many as needed.
+    accuracy : optional
+        Choose order and elements so that the estimated error of everything reported is at most this part of its peak; see
+        `refine`.
 
     Returns
     -------
-    History with one state.
+    History with one state. With `accuracy`, its model is the one with the elements chosen (`history.model`; rods, supports
+    and terms are the same objects), and `history.chosen` says which they are.
 
     Raises
     ------
@@ -61,6 +73,12 @@ def solve_static(model: Model, *, t: float = 0.0, start: State | None = None, st
     if steps is not None:
         check_integer("solve_static: steps", steps, 1)
     t = check_number("solve_static: t", t)
+    if accuracy is not None:
+
+        def run(model: Model, times: np.ndarray, start: State | None) -> History:
+            return solve_static(model, t=float(times[0]), start=start, steps=steps)
+
+        return to_accuracy(model, check_accuracy("solve_static", accuracy), np.array([t]), run, start)
     _check_supports(model)
     model.check_spans([t])
     history = History(model)
@@ -77,6 +95,7 @@ def solve_quasistatic(
     *,
     start: State | None = None,
     callback: Callable[[int, State], bool | None] | None = None,
+    accuracy: float | None = None,
 ) -> History:
     """Follow the parts and loads through equilibria at the given times.
 
@@ -88,10 +107,12 @@ def solve_quasistatic(
         Where the first station starts from; default the drawn shape.
     callback : function (station, state) -> bool, optional
         Called after each station; return True to stop there.
+    accuracy : optional
+        As for `solve_static`; the callback is then called in whole travels only.
 
     Returns
     -------
-    History with one state for each time.
+    History with one state for each time; with `accuracy` as for `solve_static`.
 
     Raises
     ------
@@ -104,6 +125,13 @@ def solve_quasistatic(
     if (np.diff(times) <= 0).any():
         k = int(np.flatnonzero(np.diff(times) <= 0)[0])
         raise ValueError(f"solve_quasistatic: times must increase (got {times[k]:g} s followed by {times[k + 1]:g} s).")
+    if accuracy is not None:
+
+        def run(model: Model, some: np.ndarray, start: State | None) -> History:
+            told = callback if len(some) == len(times) else None
+            return solve_quasistatic(model, some, start=start, callback=told)
+
+        return to_accuracy(model, check_accuracy("solve_quasistatic", accuracy), times, run, start)
     _check_supports(model)
     model.check_spans(times)
     history = History(model)

@@ -68,7 +68,10 @@ def test_run_leaves_a_complete_folder(scene, tmp_path, capsys):
     assert summary["worst_residual"] < 1e-9
     assert summary["physics"]["terms"] == ["internal force"]
     assert summary["stable"] == "stable at every station"
-    assert set(summary["seconds"]["wall"]) == {"load", "solve", "compile", "write"}
+    assert set(summary["seconds"]["wall"]) == {"load", "solve", "compile", "write", "estimate"}
+    peak = summary["reactions"]["cable.start@ground"]["largest_force"]
+    assert 0 < peak["error"] < 1e-3 * peak["value"]
+    assert summary["discretisation"]["iterations"] < summary["counters"]["iterations"] * 3
     rod = summary["rods"]["cable"]
     assert rod["length"]["free"] == pytest.approx(rod["length"]["drawn"])
     assert rod["smallest_bend_radius"]["value"] > 0
@@ -532,3 +535,12 @@ def test_summary_of_a_scene_without_contact_does_not_speak_of_it(scene, tmp_path
     assert main(["run", "s.toml", "--no-pictures", "-q"]) == 0
     summary = json.loads((tmp_path / "out" / "s" / "summary.json").read_text())
     assert not {"contacts", "clearances"} & set(summary)
+
+
+def test_compare_names_the_theory_that_suffices(scene, capsys):
+    assert main(["compare", "s.toml", "--tolerance", "0.1"]) == 0
+    told = capsys.readouterr().out
+    assert all(theory in told for theory in ("cosserat", "kirchhoff", "string"))
+    assert "Cheapest within 0.1 of the Cosserat rods: force:" in told
+    assert main(["compare", "s.toml", "--tolerance", "-1"]) == 2
+    assert main(["compare", "nothing.toml"]) == 2

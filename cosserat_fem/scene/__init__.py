@@ -20,6 +20,7 @@ from ..dynamics import check_dynamic
 from ..errors import SceneError
 from ..mechanism import Part
 from ..model import Model
+from ..refine import check_accuracy
 from .build import Builder
 from .lines import Path
 from .load import CONTROL, Source, read, validate
@@ -123,7 +124,7 @@ def _times(source: Source, tables: SceneTables) -> np.ndarray:
     """Stations of the run."""
     solve, every = tables.solve, tables.output.every
     given = source.data["solve"]
-    faults = []
+    faults = _accuracy(source, tables)
     if solve.kind == "static":
         for key in ("duration", "times"):
             if key in given:
@@ -189,6 +190,24 @@ def _times(source: Source, tables: SceneTables) -> np.ndarray:
     n = int(intervals)
     times = step * np.arange(n + 1)
     return times if duration - times[-1] <= 1e-9 * duration else np.append(times, duration)
+
+
+def _accuracy(source: Source, tables: SceneTables) -> list[str]:
+    """Faults of an accuracy that is asked for."""
+    solve, key = tables.solve, ("solve", "accuracy")
+    if solve.accuracy is None:
+        return []
+    faults = []
+    try:
+        check_accuracy("solve", solve.accuracy)
+    except ValueError as error:
+        faults.append(source.fault(key, str(error).removeprefix("solve: ")))
+    steps = [name for name in ("rtol", "dt") if getattr(solve, name) is not None]
+    if steps:
+        faults.append(source.fault(("solve", steps[0]), f"accuracy chooses the steps; leave out {steps[0]}."))
+    if solve.kind == "dynamic" and tables.contact:
+        faults.append(source.fault(key, "cannot be asked of a run in time with contact; give rtol or dt."))
+    return faults
 
 
 def _time_step(source: Source, tables: SceneTables) -> list[str]:

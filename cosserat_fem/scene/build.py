@@ -99,7 +99,8 @@ class Builder:
             terms.insert(0, Gravity(self.tables.gravity.acceleration))
         supports = list(self.supports.values())
         try:
-            model = Model(list(self.rods.values()), supports, terms, rotation=self.tables.solve.rotation)
+            solve = self.tables.solve
+            model = Model(list(self.rods.values()), supports, terms, rotation=solve.rotation, theory=solve.theory)
         except KardanError as error:
             raise SceneError(self.source.fault(("solve", "rotation"), str(error))) from None
         except SceneError as error:
@@ -117,6 +118,8 @@ class Builder:
         named |= {("part", part.name): ("part", k) for k, part in enumerate(self.tables.part)}
         named |= {("support", str(h.name)): ("support", k) for k, h in self.supports.items() if isinstance(h, Support)}
         path = named.get((match.group(1), match.group(3)), ()) if match else ()
+        if "string" in message and self.tables.solve.theory == "string":
+            return self.source.fault(("solve", "theory"), message)
         contact = self.contact_of(message)
         if contact:
             return self.source.fault(contact, message)

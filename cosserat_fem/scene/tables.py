@@ -424,12 +424,14 @@ class SolveTable(Table):
     duration: quantity("time") | None = None
     times: list[quantity("time")] | None = None
     rotation: Literal["quaternion", "kardan"] = "quaternion"
+    theory: Literal["cosserat", "kirchhoff", "string"] = "cosserat"
     start: Literal["equilibrium", "drawn"] = "equilibrium"
     velocity: VelocityTable | None = None
     rho_inf: quantity("number") = 0.8
     rtol: quantity("number") | None = None
     dt: quantity("time") | None = None
     richardson: Flag = False
+    accuracy: quantity("number") | None = None
 
 
 class OutputTable(Table):

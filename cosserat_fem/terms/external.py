@@ -64,6 +64,7 @@ class Gravity:
     symmetric = True
     needs_mass = True
     tabulated = True
+    acts_on_strings = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "acceleration", check_shape("gravity: acceleration", self.acceleration, (3,)))
@@ -148,6 +149,11 @@ class LineLoad:
         return fixed and self._moment.constant and not np.any(self._moment.at(0.0))
 
     @property
+    def acts_on_strings(self) -> bool:
+        """True for dead forces: strings have no sections that turn."""
+        return self.symmetric
+
+    @property
     def marks(self) -> list[tuple[Rod, float]]:
         """Where the mesh needs a node: at steps of the profile."""
         if self.profile is None or callable(self.profile):
@@ -228,6 +234,11 @@ class PointLoad:
     @property
     def symmetric(self) -> bool:
         return not self.follower and self._moment.constant and not np.any(self._moment.at(0.0))
+
+    @property
+    def acts_on_strings(self) -> bool:
+        """True for dead forces: strings have no sections that turn."""
+        return self.symmetric
 
     @property
     def marks(self) -> list[tuple[Rod, float]]:

@@ -16,6 +16,13 @@ from ..kernels.inertia import step_inertia, step_rates
 from ..space import Space, State
 
 
+def constants(rho: float) -> tuple[float, float, float, float]:
+    """am, af, beta, gamma of generalized-alpha with spectral radius rho at infinity."""
+    am, af = (2 * rho - 1) / (rho + 1), rho / (rho + 1)
+    gamma = 0.5 - am + af
+    return am, af, 0.25 * (gamma + 0.5) ** 2, gamma
+
+
 @dataclass(frozen=True, eq=False)
 class Rates:
     """Velocity v, acceleration a and the integrator's auxiliary acceleration b (N, 6): displacement in space, rotation

@@ -68,6 +68,8 @@ class InternalForce(Protocol):
 
     def with_stress(self, state: State, space: Space) -> tuple[np.ndarray, ...]: ...
 
+    def memory(self, stresses: list[np.ndarray]) -> tuple[np.ndarray, ...]: ...
+
 
 @dataclass(frozen=True, eq=False)
 class QuaternionBeam:
@@ -160,6 +162,10 @@ class QuaternionBeam:
         packed = lanes(stress)
         return packed.reshape(*packed.shape[:2], -1)
 
+    def memory(self, stresses: list[np.ndarray]) -> tuple[np.ndarray, ...]:
+        """Stress memory from stresses (E, Q, 6), one array for each group."""
+        return tuple(self.packed_stress(stress) for stress in stresses)
+
 
 @dataclass(frozen=True, eq=False)
 class KardanBeam:
@@ -231,3 +237,6 @@ class KardanBeam:
 
     def with_stress(self, state: State, space: Space) -> tuple[np.ndarray, ...]:
         return self.extrapolate(state, space, np.zeros((space.n_nodes, 6)), 0.0)
+
+    def memory(self, stresses: list[np.ndarray]) -> tuple[np.ndarray, ...]:
+        return tuple(stresses)

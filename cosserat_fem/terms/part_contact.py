@@ -102,6 +102,10 @@ class PartContact:
         return self.friction == 0.0
 
     @property
+    def acts_on_strings(self) -> bool:
+        return self.friction == 0.0
+
+    @property
     def rods(self) -> tuple[Rod, ...]:
         return (self.rod,)
 

@@ -104,6 +104,10 @@ class RodContact:
         return self.friction == 0.0
 
     @property
+    def acts_on_strings(self) -> bool:
+        return self.friction == 0.0
+
+    @property
     def between(self) -> str:
         names = [repr(rod.name) for rod in self.rods]
         return f"rods {', '.join(names)}" if len(names) > 1 else f"rod {names[0]} and itself"

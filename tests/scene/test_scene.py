@@ -1,5 +1,6 @@
 """Scene files: what they mean, and every fault with its line."""
 
+import json
 import pathlib
 import re
 import shutil
@@ -651,3 +652,44 @@ def test_overlap_is_told_at_the_contact(tmp_path):
         re.search(r"scene.toml:30: contact 1: rod 'a': at s = 0.0\d+ m it is .* inside part 'post'", f)
         for f in caught.value.faults
     )
+
+
+@pytest.mark.parametrize(
+    ("keys", "told"),
+    [
+        ("accuracy = 2", "accuracy must be from 1e-9 to below 1"),
+        ("accuracy = -1", "accuracy: must be greater than 0"),
+        ('theory = "euler"', "theory"),
+    ],
+)
+def test_accuracy_and_theory_are_checked(tmp_path, keys, told):
+    text = (pathlib.Path(__file__).parents[2] / "examples" / "hanging_cable.toml").read_text()
+    file = tmp_path / "s.toml"
+    file.write_text(text.replace('kind = "static"', f'kind = "static"\n{keys}'))
+    with pytest.raises(cf.SceneError, match=told):
+        cf.load_scene(file)
+
+
+def test_what_a_string_cannot_carry_is_told_at_the_theory(tmp_path):
+    text = (pathlib.Path(__file__).parents[2] / "examples" / "hanging_cable.toml").read_text()
+    file = tmp_path / "s.toml"
+    text = text.replace('kind = "static"', 'kind = "static"\ntheory = "string"')
+    file.write_text(text + '\n[[load]]\nkind = "point"\nrod = "cable"\nat = 0.5\nmoment = [0, 1, 0]\n')
+    line = 1 + file.read_text().splitlines().index('theory = "string"')
+    with pytest.raises(cf.SceneError, match=f"s.toml:{line}: .*cannot act on a string"):
+        cf.load_scene(file)
+
+
+def test_theory_and_accuracy_of_a_scene(tmp_path):
+    """Both keys reach the run; the resolved scene says them again."""
+    text = (pathlib.Path(__file__).parents[2] / "examples" / "hanging_cable.toml").read_text()
+    file = tmp_path / "s.toml"
+    file.write_text(text.replace('kind = "static"', 'kind = "static"\naccuracy = 1e-6\ntheory = "string"'))
+    scene = cf.load_scene(file)
+    assert scene.model.theory == "string"
+    outcome = cf.run_scene(scene, tmp_path / "out")
+    summary = json.loads((outcome.folder / "summary.json").read_text())
+    assert summary["physics"]["theory"] == "string"
+    assert summary["physics"]["chosen"]["asked"] == 1e-6
+    assert summary["physics"]["chosen"]["estimate"] <= 1e-6
+    assert cf.load_scene(outcome.folder / "scene.toml").tables.solve.accuracy == 1e-6
