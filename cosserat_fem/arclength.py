@@ -175,6 +175,9 @@ class Path:
         self.weights = np.repeat(share[:, None], 6, axis=1)
         self.weights[:, :3] /= model.scales["length"] ** 2
         self.scale = 0.0  # length of a unit of the value
+        self.shortest = SHORTEST
+        bending = np.concatenate([g.stiffness[..., (3, 4, 5), (3, 4, 5)].ravel() for g in model.space.groups])
+        self.shift = SHIFT * float(bending.min() / bending.max())
         self.reason = ""  # why the last step failed
 
     def begin(self, state: State, value: float, towards: float) -> Point:
@@ -213,7 +216,7 @@ class Path:
                     self.reason = "the path leaves the span of time that it was given"
                     return None
                 model = parameter.model(value)
-                total = model.condensed(state, newton.linear.scratch, SHIFT, None)
+                total = model.condensed(state, newton.linear.scratch, self.shift, None)
                 if c.tilted:
                     moments = c.reactions(state, total.g)[:, 3:]
                 held = c.evaluate(state, c.targets(state.t), moments)
@@ -248,7 +251,7 @@ class Path:
 
     def advance(self, point: Point, ds: float, until: float) -> tuple[Point | None, float]:
         """A step of about the length ds, but not past the value `until`; None if none was found. And the next length."""
-        while ds >= SHORTEST:
+        while ds >= self.shortest:
             to_end = (until - point.value) / point.rate if point.rate else -1.0
             landing = 0.0 < to_end <= ds * (1 + 1e-9)
             new = self.at(point, until) if landing else self.step(point, ds)
@@ -286,7 +289,7 @@ class Path:
         """Derivative (N, 6) of the state with the value, and the number of negative eigenvalues of the tangent."""
         rate = self.parameter.residual_rate(state, value)
         rates = replace(held, gap=self.parameter.gap_rate(state, value, held))
-        total = model.condensed(state, self.newton.linear.scratch, SHIFT, rate - g)
+        total = model.condensed(state, self.newton.linear.scratch, self.shift, rate - g)
         solution = self.newton.linear.solve(state, total.g, rates, total.negative, total.symmetric, total.matrix)
         negative = solution.negative if solution.singular < 0 else -1
         return solution.du.copy(), negative
@@ -404,7 +407,7 @@ class Path:
         value = np.inf
         for _ in range(INVERSE_ITERATIONS):
             v /= np.sqrt((self.weights * v * v).sum())
-            total = model.condensed(state, self.newton.linear.scratch, SHIFT, -self.weights * v - g)
+            total = model.condensed(state, self.newton.linear.scratch, self.shift, -self.weights * v - g)
             w = self.newton.linear.solve(state, total.g, held, total.negative, total.symmetric, total.matrix).du
             size = (self.weights * w * w).sum()
             if not 0.0 < size < np.inf:

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from .arclength import FIRST, LONGEST, SHORTEST, CriticalPoint, Kind, LoadFactor, Path, Point, Time
+from .arclength import FIRST, LONGEST, CriticalPoint, Kind, LoadFactor, Path, Point, Time
 from .errors import ConvergenceError, SceneError, check_integer, check_number, check_positive
 from .history import History, Record
 from .model import Model
@@ -27,6 +27,7 @@ from .vibration import Modes, modes
 STEPS = 400
 BRANCH = (0.03, 0.01, 0.1, 0.003)  # lengths of the first step on a branch, tried in this order
 CROWDED = (2, 14)  # crossings of other paths in one step; times that it is then shortened
+TINIEST = 1e-14  # shortest step towards a critical load: nobody knows how large the load is
 FARTHEST_LOAD = 1e12  # factor at which a critical load is given up
 WATCHED = 6  # vibrations looked at under following loads
 LITTLE = 0.5  # change of a squared frequency in one step, in parts of itself
@@ -103,6 +104,8 @@ def trace_path(
     end = FARTHEST_LOAD if critical else check_number("trace_path: until", until)
     trace = _begin(model, loads, along, t, end, start)
     trace.ds = min(trace.ds, longest)
+    if critical:
+        trace.path.shortest = TINIEST
     if critical and not model.symmetric:
         return _to_growth(trace, steps, callback)
     for k in range(1, steps + 1):
@@ -162,8 +165,8 @@ def _to_growth(trace: _Trace, steps: int, callback: Callable[[int, History], boo
         there = _vibrations(path, new)
         size = np.maximum(np.abs(vibrations.squared), 1e-3 * np.abs(vibrations.squared).max())
         change = float((np.abs(there.squared - vibrations.squared) / size).max())
-        if change > LITTLE and trace.ds > SHORTEST:
-            trace.ds = max(SHORTEST, trace.ds * max(0.1, 0.5 * LITTLE / change))
+        if change > LITTLE and trace.ds > TINIEST:
+            trace.ds = max(TINIEST, trace.ds * max(0.1, 0.5 * LITTLE / change))
             continue
         events = path.critical(trace.point, new) if there.stable else [_vibrates(trace, trace.point, new)]
         if events:
