@@ -121,7 +121,9 @@ def _reduced(model: Model, state: State) -> tuple[csc_matrix, csc_matrix, csc_ma
     state = replace(state, stress=model.internal.with_stress(state, space), velocity=None, slope=0.0)
     total = model.residual(state)
     held = c.evaluate(state, c.targets(state.t), c.reactions(state, total.g)[:, 3:])
-    residual, _ = newton.measure(state, total, held, None, AT_REST)
+    bending, length = model.scales["bending"], model.scales["length"]
+    floor = replace(total, force=max(total.force, bending / length**2), moment=max(total.moment, bending / length))
+    residual, _ = newton.measure(state, floor, held, None, AT_REST)
     if residual > STAGNANT or not newton.closed(held):
         raise ValueError(
             f"modes: the state is no equilibrium of this model (residual {AT_REST * residual:.1e} of the section forces). "

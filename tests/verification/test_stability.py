@@ -48,7 +48,7 @@ def test_euler(validation, order_of, ends):
     counts = (4, 8, 16)
     errors = [abs(cf.critical_load(column(ends, order=1, n_elements=n)).value / wanted - 1) for n in counts]
     validation.row(
-        f"Euler column, {ends}", "Euler (1744), closed form", wanted, found.value, 1e-6,
+        "Euler column", "Euler (1744), closed form", wanted, found.value, 1e-6, variant=ends,
         order=order_of(counts, errors), least_order=1.7,
     )  # fmt: skip
 
