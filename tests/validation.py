@@ -1,4 +1,4 @@
-"""One page that lists every verified case: `pytest tests/verification -m "" --write-validation`.
+"""One page that lists every verified case: `python -m pytest -m validation --write-validation`.
 
 A test asks for the fixture `validation` and hands in rows: case, source of the reference, reference, result, acceptance.
 A row asserts that its error is accepted; on the page stand all rows of the run, also those that fail, with the reason.
@@ -16,7 +16,7 @@ import pytest
 PAGE = pathlib.Path(__file__).parent / "verification" / "VALIDATION.md"
 HEAD = """# Validation
 
-Written by `python -m pytest tests/verification -m "" --write-validation`; do not edit. References come from outside the
+Written by `python -m pytest -m validation --write-validation`; do not edit. References come from outside the
 package: closed forms, boundary value problems and other independent solvers, publications. Errors are relative to the
 reference unless the unit says otherwise; of several variants the one nearest to its acceptance is shown. Orders are observed
 ones, from errors against the reference at several element or step counts. Time: of the test that found the row, compile
@@ -106,6 +106,12 @@ class Validation:
 
 def pytest_addoption(parser):
     parser.addoption("--write-validation", action="store_true", help="write tests/verification/VALIDATION.md")
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        if "validation" in getattr(item, "fixturenames", ()):
+            item.add_marker("validation")
 
 
 @pytest.fixture

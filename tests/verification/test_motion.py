@@ -157,7 +157,9 @@ def test_turning_rod(validation):
 
     hub = cf.Part("hub", motion=cf.Hinge((0, 0, 0), (0, 0, 1), angle))
     model = cf.Model([rod], [cf.Clamp(rod, "start", to=hub)], [cf.Damping(time=0.2)])
-    history = cf.solve_dynamic(model, 12.0, start="drawn", rho_inf=0.5, step=cf.FixedStep(0.02, richardson=True), times=[12.0])
+    history = cf.solve_dynamic(
+        model, 12.0, start="drawn", rho_inf=0.5, step=cf.FixedStep(0.02, richardson=True), times=[12.0]
+    )
     k = spin * np.sqrt(m / EA)
     tip = np.linalg.norm(history.positions("arm")[-1, -1])
     validation.row("steadily turning rod", "closed form", np.tan(k) / k, tip, 1e-5, variant="radius of the tip")
