@@ -123,10 +123,10 @@ def solve_quasistatic(
         _append(history, solved)
         for k in range(len(times)):
             if k > 0:
-                last = history.final
+                way = (before, history.final)
                 solved, before = _travel(newton, history, before, float(times[k]))
-                if not model.contacts:
-                    solved = _watched(newton, history, last, solved, past_limits)
+                if not model.contacts and model.rotation == "quaternion":
+                    solved = _watched(newton, history, way, solved, past_limits)
                 _append(history, solved)
             if callback is not None and callback(k, solved.state):
                 history.status, history.message = "stopped", f"stopped by the caller at t = {times[k]:g} s"
@@ -218,19 +218,19 @@ def _travel(newton: Newton, history: History, before: State | None, t: float) ->
         wanted.insert(0, 0.5 * (state.t + wanted[0]))
 
 
-def _watched(newton: Newton, history: History, last: State, solved: Solved, past_limits: bool) -> Solved:
+def _watched(
+    newton: Newton, history: History, way: tuple[State | None, State], solved: Solved, past_limits: bool
+) -> Solved:
     """The next station, after a look whether the path from the last one leads there. If it ends on the way: a warning, or
-    with past_limits the state where it comes to the time of the station again."""
+    with past_limits the state where it comes to the time of the station again. way: the two states before the station."""
     model, state = newton.model, solved.state
-    if state.angles is not None:
-        return solved
+    before, last = way
     path = Path(newton, Time(model, float(history.t[0]), state.t))
     jump = path.apart(last, state)
-    if jump < JUMP:
+    if jump < JUMP or (before is not None and path.apart(_extrapolated(before, last, state.t), state) < 0.5 * jump):
         return solved
     point = path.begin(last, last.t, state.t)
-    ds = (state.t - last.t) / point.rate
-    if path.apart(path.predicted(point, ds)[0], state) < 0.5 * jump:
+    if path.apart(path.predicted(point, (state.t - last.t) / point.rate)[0], state) < 0.5 * jump:
         return solved
     ds, limits = FIRST, 0
     for _ in range(PATH_STEPS):

@@ -111,6 +111,19 @@ def test_constant_loads_stay():
         cf.critical_load(model, [pull])
 
 
+def test_factor_on_loads():
+    """Twice a load is a load of twice the force: at rest, in time with compiled steps, and for its tangent."""
+    model = column(load={"force": (-0.3, 0.2, 0.0), "follower": True}, stiffness=1e4)
+    twice = column(load={"force": (-0.6, 0.4, 0.0), "follower": True}, stiffness=1e4)
+    doubled = model.with_factor(2.0)
+    state = cf.solve_static(twice).final
+    np.testing.assert_allclose(cf.solve_static(doubled).final.r, state.r, atol=1e-12)
+    np.testing.assert_allclose(doubled.matrix(state).toarray(), twice.matrix(state).toarray(), atol=1e-9)
+    ends = [cf.solve_dynamic(m, 0.02, start="drawn", step=cf.FixedStep(1e-3)).final.r for m in (doubled, twice)]
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-14)
+    assert model.with_factor(0.5, []).terms == model.terms
+
+
 @pytest.mark.parametrize("kind", ["load", "motion"])
 def test_rates_are_differences(kind):
     """What changes along a path: derivative of residual and gaps with factor and time."""
