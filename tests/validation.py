@@ -7,7 +7,7 @@ Rows of one case are variants of it: the page shows the one that is nearest to i
 
 import pathlib
 import platform
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import metadata
 
 import numpy as np
@@ -58,41 +58,29 @@ class Validation:
     test: str
     rows: list
     say: object
-    mine: list = field(default_factory=list)
 
     def row(
-        self,
-        case,
-        source,
-        reference,
-        result,
-        acceptance,
-        *,
-        scale=None,
-        unit="",
-        variant="",
-        order=None,
-        least_order=None,
-    ):
+        self, case, source, reference, result, acceptance, *, scale=None, unit="", variant="", order=None, least_order=None,
+        distance=False,
+    ):  # fmt: skip
         """Record one result, then assert it.
 
         reference, result : numbers or arrays; of arrays the entry with the largest error is shown
         acceptance : largest error, in parts of `scale` (default the largest entry of the reference; 1 for absolute errors)
         order, least_order : observed order of convergence, and the smallest that is accepted
+        distance : the result is a distance from the reference
         """
         reference, result = np.broadcast_arrays(np.asarray(reference, float), np.asarray(result, float))
         size = float(np.abs(reference).max()) if scale is None else float(scale)
         off = np.atleast_1d(np.abs(result - reference) / size)
         k = int(np.argmax(np.where(np.isfinite(off), off, np.inf)))
-        shown = [f"{np.atleast_1d(a).ravel()[k]:.9g}" for a in (reference, result)]
+        shown = ["", "distance"] if distance else [f"{np.atleast_1d(a).ravel()[k]:.9g}" for a in (reference, result)]
         error = float(off.ravel()[k])
         row = Row(self.test, case, source, *shown, error, acceptance, unit, variant, order)
         self.rows.append(row)
-        self.mine.append(row)
-        told = f", order {order:.2f}" if order is not None else ""
-        self.say(
-            f"{case}{f' ({variant})' if variant else ''}: {row.result}, reference {row.reference}, {error:.1e}{told}"
-        )
+        name = case + (f" ({variant})" if variant else "")
+        values = "" if distance else f"{row.result}, reference {row.reference}, "
+        self.say(f"{name}: {values}error {error:.1e}" + (f", order {order:.2f}" if order is not None else ""))
         if not error <= acceptance:
             row.reason = f"error {error:.1e}, accepted {acceptance:.1e}"
         elif least_order is not None and not order > least_order:
@@ -101,7 +89,7 @@ class Validation:
 
     def error(self, case, source, error, acceptance, **options):
         """Record an error that was measured as a distance from the reference: reference 0."""
-        self.row(case, source, 0.0, error, acceptance, scale=1.0, **options)
+        self.row(case, source, 0.0, error, acceptance, scale=1.0, distance=True, **options)
 
 
 def pytest_addoption(parser):
@@ -148,19 +136,20 @@ def pytest_runtest_makereport(item, call):
 
 def pytest_sessionfinish(session):
     if session.config.getoption("--write-validation", default=False):
-        PAGE.write_text(page(session.config.stash.get(ROWS, [])), encoding="utf-8")
+        PAGE.write_text(page(session.config.stash.get(ROWS, []), session.config.option.markexpr), encoding="utf-8")
 
 
-def page(rows):
-    """Text of the page."""
+def page(rows, chosen):
+    """Text of the page; chosen: which tests were, by their markers."""
     cases = {}
     for row in sorted(rows, key=lambda row: (row.test.split("[")[0], row.case)):
         cases.setdefault(row.case, []).append(row)
     failing = [case for case, found in cases.items() if any(row.reason for row in found)]
     ordered = [case for case, found in cases.items() if any(row.order is not None for row in found)]
     versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("numpy", "scipy", "scikit-fem", "numba"))
+    part = "" if chosen == "validation" else f'A part of the cases only: `-m "{chosen}"`. '
     lines = [
-        HEAD,
+        HEAD + part,
         f"{len(cases)} cases in {len(rows)} variants, {len(ordered)} with an observed order; {len(failing)} fail. "
         f"Python {platform.python_version()}, {versions}; {platform.machine()}.\n\n",
         "| case | source of the reference | reference | result | error | accepted | order | variants | time [s] |\n",

@@ -45,7 +45,7 @@ def test_order(cantilever, validation, order_of, order, counts):
     errors = [tip_error(cantilever, 1, n, order)[0] for n in counts]
     found = order_of(counts, errors)
     validation.error(
-        f"roll-up, elements of order {order}", "closed form", errors[-1], 1e-3, unit="L", variant=f"{counts[-1]} elements",
+        "roll-up, order of convergence", "closed form", errors[-1], 1e-3, unit="L", variant=f"{counts[-1]} elements",
         order=found, least_order=2 * order - 0.3,
     )  # fmt: skip
 
