@@ -31,6 +31,7 @@ TINIEST = 1e-14  # shortest step towards a critical load: nobody knows how large
 FARTHEST_LOAD = 1e12  # factor at which a critical load is given up
 WATCHED = 6  # vibrations looked at under following loads
 LITTLE = 0.5  # change of a squared frequency in one step, in parts of itself
+UNSTABLE = "critical load: the rods are unstable without these loads already."
 CLOSE = 1e-7  # part of a load within which flutter is found
 
 
@@ -43,6 +44,7 @@ class _Trace:
     point: Point
     ds: float
     until: float
+    stable: bool  # at the start
 
 
 def trace_path(
@@ -106,6 +108,8 @@ def trace_path(
     trace.ds = min(trace.ds, longest)
     if critical:
         trace.path.shortest = TINIEST
+        if not trace.stable:
+            raise SceneError(UNSTABLE)
     if critical and not model.symmetric:
         return _to_growth(trace, steps, callback)
     for k in range(1, steps + 1):
@@ -157,7 +161,7 @@ def _to_growth(trace: _Trace, steps: int, callback: Callable[[int, History], boo
     path = trace.path
     vibrations = _vibrations(path, trace.point)
     if not vibrations.stable:
-        raise SceneError("critical_load: the rods are unstable without these loads already.")
+        raise SceneError(UNSTABLE)
     for k in range(1, steps + 1):
         new, ds = path.advance(trace.point, trace.ds, trace.until)
         if new is None:
@@ -205,8 +209,9 @@ def _begin(
     path = Path(newton, parameter)
     point = path.begin(found.final, 0.0 if along == "loads" else t, until)
     history = History(model, counters=newton.counters)
-    trace = _Trace(history, path, point, FIRST, until)
-    point = replace(point, residual=found.records[-1].residual, iterations=found.records[-1].iterations)
+    start_record = found.records[-1]
+    trace = _Trace(history, path, point, FIRST, until, start_record.negative <= 0)
+    point = replace(point, residual=start_record.residual, iterations=start_record.iterations)
     _keep(trace, point)
     return trace
 

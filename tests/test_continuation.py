@@ -6,7 +6,9 @@ from scipy.optimize import brentq
 from scipy.special import ellipk
 
 import cosserat_fem as cf
+from cosserat_fem import continuation
 from cosserat_fem.arclength import LoadFactor, Path, Time
+from cosserat_fem.history import Record
 from cosserat_fem.newton import Newton
 
 
@@ -229,3 +231,20 @@ def test_faults():
     stopped = cf.trace_path(model, until=100.0, callback=lambda k, history: k == 1)
     assert stopped.status == "stopped"
     assert len(stopped) == 2
+
+
+def test_unstable_start_is_refused(monkeypatch):
+    """A critical load is asked of rods that stand stable without it."""
+
+    def standing(model, **options):
+        history = cf.History(model)
+        solved = Newton(model).plain(model.initial_state())
+        history.records.append(Record(solved.state, solved.reactions, 1, 0.0, solved.negative))
+        return history
+
+    rod = column().rods[0]
+    heavy, load = cf.LineLoad(rod, (-20.0, 0, 0)), cf.PointLoad(rod, "end", force=(-1, 0, 0))
+    model = cf.Model([rod], [cf.Clamp(rod, "start")], [heavy, load])
+    monkeypatch.setattr(continuation, "solve_static", standing)
+    with pytest.raises(cf.SceneError, match="unstable without these loads"):
+        cf.critical_load(model, [load])
