@@ -117,7 +117,7 @@ class History:
     @property
     def path(self) -> bool:
         """True if the states follow a path that may turn back: their order is not that of the time."""
-        return bool(self.records) and (self.records[0].factor is not None or bool((np.diff(self.t) <= 0).any()))
+        return bool(self.records) and (self.records[0].factor is not None or bool((np.diff(self.t) < 0).any()))
 
     @property
     def order(self) -> np.ndarray:
