@@ -129,7 +129,7 @@ def pytest_runtest_makereport(item, call):
         return report
     value = getattr(call.excinfo, "value", report.outcome)
     reason = known or next(iter(str(value).strip().splitlines()), type(value).__name__)
-    doc = (item.function.__doc__ or item.name).strip().splitlines()[0].rstrip(".")
+    doc = f"{item.name}: {(item.function.__doc__ or '').strip().splitlines()[0]}".rstrip(".: ")
     rows.append(Row(item.nodeid, doc, "", "", "", np.nan, np.nan, reason=reason, time=report.duration))
     return report
 
