@@ -52,6 +52,6 @@ def test_order(references, validation, order_of, order, counts):
     found = order_of(counts, errors)
     source = "shooting; problem of Bathe and Bolourchi (1979)"
     validation.error(
-        "bend of 45 degrees, order", source, errors[-1], 1e-3, unit="L", variant=f"{counts[-1]} x p{order}",
+        "bend of 45 degrees", source, errors[-1], 1e-3, unit="L", variant=f"{counts[-1]} x p{order}",
         order=found, least_order=2 * order - 0.5,
     )  # fmt: skip

@@ -110,7 +110,15 @@ def test_torque_at_stations(reference, validation):
     """The hinge torque that a drive must supply."""
     torque = travel(None, n_elements=48, order=4).hinge_torque("panel")[[0, 30, 48, 60, 90]]
     wanted = [1.9939, 23.9142, 33.658, 29.9524, -2.8291]
-    validation.row("satellite hinge, torque of the drive", COLLOCATION, wanted, torque, 5e-5, unit="of the peak")
+    validation.row(
+        "satellite hinge, 91 stations",
+        COLLOCATION,
+        wanted,
+        torque,
+        5e-5,
+        unit="of the peak",
+        variant="torque of the drive",
+    )
 
 
 @pytest.mark.parametrize(
@@ -120,7 +128,7 @@ def test_finer_elements(reference, validation, order_of, order, counts, wanted):
     """To 1e-6 of the peak on 48 elements of order 3; the observed order of convergence is told."""
     errors = [largest_error(columns(travel(None, n_elements=n, order=order)), reference).max() for n in counts]
     validation.error(
-        "satellite hinge, finer elements", COLLOCATION, errors[-1], wanted, unit="of the peak",
+        "satellite hinge, 91 stations", COLLOCATION, errors[-1], wanted, unit="of the peak",
         variant=f"{counts[-1]} x p{order}", order=order_of(counts, errors), least_order=1.8 * order,
     )  # fmt: skip
 

@@ -50,6 +50,6 @@ def test_order(cantilever, references, validation, order_of, order, counts):
     ]
     found = order_of(counts, errors)
     validation.error(
-        "cantilever with shear and stretch, order", "boundary value problem by collocation", errors[-1], 1e-3, unit="L",
+        "cantilever with shear and stretch", "boundary value problem by collocation", errors[-1], 1e-3, unit="L",
         variant=f"{counts[-1]} x p{order}", order=found, least_order=2 * order - 0.5,
     )  # fmt: skip

@@ -45,7 +45,7 @@ def test_order(cantilever, validation, order_of, order, counts):
     errors = [tip_error(cantilever, 1, n, order)[0] for n in counts]
     found = order_of(counts, errors)
     validation.error(
-        "roll-up, order of convergence", "closed form", errors[-1], 1e-3, unit="L", variant=f"{counts[-1]} elements",
+        "roll-up", "closed form", errors[-1], 1e-3, unit="L", variant=f"{counts[-1]} elements",
         order=found, least_order=2 * order - 0.3,
     )  # fmt: skip
 
@@ -54,5 +54,5 @@ def test_order(cantilever, validation, order_of, order, counts):
 def test_slender_rod_rolls_up_as_well(cantilever, validation, slender):
     """EA L^2 / EI from 1e2 to 1e8: still one step, the same accuracy."""
     error, history = tip_error(cantilever, 1, 8, 4, (slender,) * 3 + (1.0, 1.0, 1.0))
-    validation.error("roll-up, slender", "closed form", error, 1e-6, unit="L", variant=f"EA L^2 / EI = {slender:g}")
+    validation.error("roll-up", "closed form", error, 1e-6, unit="L", variant=f"EA L^2 / EI = {slender:g}")
     assert history.counters.iterations <= 6
