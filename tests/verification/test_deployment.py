@@ -66,7 +66,7 @@ def test_shipped_scene(reference, validation):
     error = largest_error(columns(history), reference)
     for name, off in zip(NAMES, error, strict=True):
         validation.error(
-            "satellite hinge, 91 stations", COLLOCATION, off, 1e-3, unit="of the peak", variant=f"as shipped, {name}"
+            "satellite hinge, 91 stations", COLLOCATION, off, 1e-3, unit="of peak", variant=f"as shipped, {name}"
         )
     assert all(history.stable)
 
@@ -116,7 +116,7 @@ def test_torque_at_stations(reference, validation):
         wanted,
         torque,
         5e-5,
-        unit="of the peak",
+        unit="of peak",
         variant="torque of the drive",
     )
 
@@ -128,7 +128,7 @@ def test_finer_elements(reference, validation, order_of, order, counts, wanted):
     """To 1e-6 of the peak on 48 elements of order 3; the observed order of convergence is told."""
     errors = [largest_error(columns(travel(None, n_elements=n, order=order)), reference).max() for n in counts]
     validation.error(
-        "satellite hinge, 91 stations", COLLOCATION, errors[-1], wanted, unit="of the peak",
+        "satellite hinge, 91 stations", COLLOCATION, errors[-1], wanted, unit="of peak",
         variant=f"{counts[-1]} x p{order}", order=order_of(counts, errors), least_order=1.8 * order,
     )  # fmt: skip
 
@@ -158,6 +158,6 @@ def test_kardan_angles(reference, report, validation):
     assert 1e-6 < difference[0] < 1e-4  # two interpolations, not one
     assert difference[1] < difference[0] / 30  # that agree as elements shrink
     validation.error(
-        "satellite hinge in Kardan angles", COLLOCATION, errors[1][0], 3e-6, unit="of the peak", variant="32 x p3"
+        "satellite hinge in Kardan angles", COLLOCATION, errors[1][0], 3e-6, unit="of peak", variant="32 x p3"
     )
     assert errors[1][1] < 3e-6
