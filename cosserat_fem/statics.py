@@ -117,6 +117,9 @@ def solve_quasistatic(
     newton = Newton(model)
     history.counters = newton.counters
     before: State | None = None
+    path: Path | None = None  # looked at between stations, where that can be done
+    if len(times) > 1 and not model.contacts and model.rotation == "quaternion":
+        path = Path(newton, Time(model, float(times[0]), float(times[-1])))
     try:
         state = _start(newton, history, start, float(times[0]))
         solved = newton.accepted(_equilibrium(newton, state, history))
@@ -125,8 +128,8 @@ def solve_quasistatic(
             if k > 0:
                 way = (before, history.final)
                 solved, before = _travel(newton, history, before, float(times[k]))
-                if not model.contacts and model.rotation == "quaternion":
-                    solved = _watched(newton, history, way, solved, past_limits)
+                if path is not None:
+                    solved = _watched(path, history, way, solved, past_limits)
                 _append(history, solved)
             if callback is not None and callback(k, solved.state):
                 history.status, history.message = "stopped", f"stopped by the caller at t = {times[k]:g} s"
@@ -219,13 +222,12 @@ def _travel(newton: Newton, history: History, before: State | None, t: float) ->
 
 
 def _watched(
-    newton: Newton, history: History, way: tuple[State | None, State], solved: Solved, past_limits: bool
+    path: Path, history: History, way: tuple[State | None, State], solved: Solved, past_limits: bool
 ) -> Solved:
     """The next station, after a look whether the path from the last one leads there. If it ends on the way: a warning, or
     with past_limits the state where it comes to the time of the station again. way: the two states before the station."""
-    model, state = newton.model, solved.state
+    model, state = path.newton.model, solved.state
     before, last = way
-    path = Path(newton, Time(model, float(history.t[0]), state.t))
     jump = path.apart(last, state)
     if jump < JUMP or (before is not None and path.apart(_extrapolated(before, last, state.t), state) < 0.5 * jump):
         return solved
