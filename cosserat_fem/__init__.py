@@ -42,6 +42,11 @@ _HOMES = {
     "solve_static": "statics",
     "solve_quasistatic": "statics",
     "solve_dynamic": "dynamics",
+    "trace_path": "continuation",
+    "critical_load": "continuation",
+    "CriticalPoint": "arclength",
+    "modes": "vibration",
+    "Modes": "vibration",
     "AdaptiveStep": "integrator",
     "FixedStep": "integrator",
     "RigidVelocity": "dynamics",
@@ -67,7 +72,9 @@ _HOMES = {
 __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
+    from .arclength import CriticalPoint
     from .checks import bend_radius, clearance, distance_from_drawing
+    from .continuation import critical_load, trace_path
     from .curve import CurveGeometry, curve_geometry, rebuild_curve
     from .dynamics import RigidVelocity, solve_dynamic
     from .errors import ConvergenceError, CosseratError, KardanError, MeshError, SceneError
@@ -87,6 +94,7 @@ if TYPE_CHECKING:
     from .surface import Surface
     from .terms import Damping, Drag, Electrostatic, Gravity, LineLoad, PartContact, PointLoad, RodContact
     from .theories import compare_theories
+    from .vibration import Modes, modes
 
 
 def __getattr__(name: str) -> Any:

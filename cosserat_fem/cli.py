@@ -17,6 +17,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
@@ -132,7 +133,7 @@ def run(
     tell(loaded.title)
     try:
         with RunFolder(loaded.folder if out is None else out, loaded.inputs, force=force) as folder:
-            with _Progress(len(loaded.times), quiet) as progress:
+            with _Progress(loaded.stations, quiet) as progress:
                 outcome = run_scene(loaded, folder, progress=progress, announce=tell, phases=phases)
             return _finish(
                 outcome, tell, pictures=pictures and loaded.tables.output.pictures, skip=progress.interrupted
@@ -209,11 +210,18 @@ def _tell_results(history: Any, tell: Callable[[str], None]) -> None:
 
     from .export import hinged_parts
 
+    for event in history.critical:
+        where = (
+            f"factor {event.value:.7g} of the loads"
+            if history.records[0].factor is not None
+            else f"t = {event.t:.7g} s"
+        )
+        tell(f"  {event.kind} point at {where}")
     for support in history.model.supports:
         load = history.reaction(support)
         force, moment = np.linalg.norm(load[:, :3], axis=1), np.linalg.norm(load[:, 3:], axis=1)
         i, j = int(np.argmax(force)), int(np.argmax(moment))
-        at = (lambda k: f" at t = {history.t[k]:g} s") if len(history) > 1 else (lambda k: "")
+        at = partial(_station, history)
         tell(f"  {support.name}: force up to {force[i]:.6g} N{at(i)}, moment up to {moment[j]:.6g} N m{at(j)}")
     for part in hinged_parts(history):
         torque, angle = history.hinge_torque(part), np.degrees(history.hinge_angle(part))
@@ -227,6 +235,14 @@ def _tell_results(history: Any, tell: Callable[[str], None]) -> None:
             tell(f"  contact {term.name}: line force up to {told[top].peak:.4g} N/m {s}, t = {history.t[top]:g} s")
         else:
             tell(f"  contact {term.name}: does not touch")
+
+
+def _station(history: Any, k: int) -> str:
+    """Where a value was found: a time, or a factor of loads."""
+    if len(history) == 1:
+        return ""
+    record = history.records[k]
+    return f" at t = {history.t[k]:g} s" if record.factor is None else f" at factor {record.factor:g}"
 
 
 class _Progress:
@@ -289,7 +305,7 @@ def check(scene: pathlib.Path) -> int:
     loaded.model.check_spans(loaded.times)
     model = loaded.model
     say(
-        f"{scene}: fine. {len(model.rods)} rod(s), {6 * model.space.n_nodes} unknowns, {len(loaded.times)} station(s), "
+        f"{scene}: fine. {len(model.rods)} rod(s), {6 * model.space.n_nodes} unknowns, {loaded.stations} station(s), "
         f"terms: {', '.join([model.internal.name, *(term.name for term in model.terms)])}."
     )
     return OK

@@ -20,6 +20,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree as ET
 
@@ -29,6 +30,7 @@ from .errors import CosseratError
 from .history import History
 from .mechanism import Hinge, Part
 from .rod import Rod
+from .vibration import Modes
 
 if TYPE_CHECKING:
     import h5py
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
 
 UNITS = {
     "displacement": "m",
+    "mode": "m",
     "velocity": "m/s",
     "d1": "-",
     "d2": "-",
@@ -136,7 +139,7 @@ def write_history(history: History, path: str | os.PathLike[str]) -> None:
         for rod in history.model.rods
     ]
     connectivity = {"Lines": (data.lines.ravel(), 2 * np.arange(len(data.lines) + 1))}
-    _write_vtkhdf(path, history.t, data.points, connectivity, data.point_data, data.cell_data, {"rods": rods})
+    _write_vtkhdf(path, history.order, data.points, connectivity, data.point_data, data.cell_data, {"rods": rods})
 
 
 def write_parts(history: History, path: str | os.PathLike[str], parts: Sequence[Part] | None = None) -> None:
@@ -165,7 +168,7 @@ def write_parts(history: History, path: str | os.PathLike[str], parts: Sequence[
     faces = np.concatenate(triangles)
     connectivity = {"Polygons": (faces.ravel(), 3 * np.arange(len(faces) + 1))}
     cells = {"part": np.tile(np.concatenate(index), (len(history), 1))}
-    _write_vtkhdf(path, history.t, np.concatenate(points, axis=1), connectivity, {}, cells, {"parts": names})
+    _write_vtkhdf(path, history.order, np.concatenate(points, axis=1), connectivity, {}, cells, {"parts": names})
 
 
 def _write_vtkhdf(
@@ -332,8 +335,8 @@ def write_csv(path: str | os.PathLike[str], header: Sequence[str], rows: Sequenc
 def write_reactions(history: History, path: str | os.PathLike[str]) -> None:
     """CSV of force [N] and moment [N m] of every support on its rod, in space, about the supported point."""
     loads = [(str(h.name), history.reaction(h)) for h in history.model.supports]
-    rows = [[t, name, *load[k]] for k, t in enumerate(history.t) for name, load in loads]
-    write_csv(path, ["time", "support", "Fx", "Fy", "Fz", "Mx", "My", "Mz"], rows)
+    rows = [[t, name, *load[k]] for k, t in enumerate(history.order) for name, load in loads]
+    write_csv(path, [_first_column(history), "support", "Fx", "Fy", "Fz", "Mx", "My", "Mz"], rows)
 
 
 def write_hinge_torque(history: History, path: str | os.PathLike[str]) -> None:
@@ -341,8 +344,48 @@ def write_hinge_torque(history: History, path: str | os.PathLike[str]) -> None:
     rows = []
     for part in hinged_parts(history):
         angles, torque = np.degrees(history.hinge_angle(part)), history.hinge_torque(part)
-        rows += [[t, part.name, a, m] for t, a, m in zip(history.t, angles, torque, strict=True)]
-    write_csv(path, ["time", "part", "angle_deg", "torque"], rows)
+        rows += [[t, part.name, a, m] for t, a, m in zip(history.order, angles, torque, strict=True)]
+    write_csv(path, [_first_column(history), "part", "angle_deg", "torque"], rows)
+
+
+def _first_column(history: History) -> str:
+    """What increases from row to row."""
+    return "station" if history.path else "time"
+
+
+def write_path(history: History, path: str | os.PathLike[str]) -> None:
+    """CSV of a path: factor of its loads, time [s], negative eigenvalues of the tangent (-1: not known), strain energy [J],
+    and for each rod the largest displacement [m] since the first station."""
+    moved = {}
+    for rod in history.model.rods:
+        r = history.positions(rod)
+        moved[rod.name] = np.linalg.norm(r - r[0], axis=2).max(axis=1)
+    columns = zip(history.factors, history.t, history.energy, *moved.values(), strict=True)
+    rows = [[k, f, t, history.records[k].negative, e, *m] for k, (f, t, e, *m) in enumerate(columns)]
+    names = ["station", "factor", "time", "negative", "energy", *(f"displacement of {name}" for name in moved)]
+    write_csv(path, names, rows)
+
+
+def write_modes(found: Modes, path: str | os.PathLike[str]) -> None:
+    """CSV of vibrations: frequency [Hz], omega [rad/s], rate of growth [1/s]."""
+    rows = [[k + 1, *row] for k, row in enumerate(zip(found.frequency, found.omega, found.growth, strict=True))]
+    write_csv(path, ["mode", "frequency", "omega", "growth"], rows)
+
+
+def write_shapes(found: Modes, path: str | os.PathLike[str]) -> None:
+    """Write the shapes of vibrations as one VTKHDF file, a step for each: `mode` moves the nodes (Warp By Vector)."""
+    state, space = found.state, found.model.space
+    nodes = np.concatenate([space[rod].nodes for rod in found.model.rods])
+    first = np.cumsum([0, *(len(space[rod].nodes) for rod in found.model.rods)])
+    lines = np.concatenate(
+        [np.stack([np.arange(a, b - 1), np.arange(a + 1, b)], axis=1) for a, b in pairwise(first.tolist())]
+    )
+    n = len(found.squared)
+    points = np.tile(state.r[nodes], (n, 1, 1))
+    connectivity = {"Lines": (lines.ravel(), 2 * np.arange(len(lines) + 1))}
+    about = {"modes": [{"frequency": f, "growth": g} for f, g in zip(found.frequency, found.growth, strict=True)]}
+    moved = {"mode": found.shapes[:, nodes, :3]}
+    _write_vtkhdf(path, np.arange(1.0, n + 1), points, connectivity, moved, {}, about)
 
 
 def write_contacts(history: History, path: str | os.PathLike[str]) -> None:

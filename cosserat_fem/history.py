@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from .arclength import CriticalPoint
 from .curve import CurveGeometry, curve_geometry
 from .errors import nearest
 from .kernels.rotation import matrix_from_quaternion
@@ -33,7 +34,7 @@ class Record:
     """One accepted state: reactions (supports, 6), iterations, relative residual, negative eigenvalues or -1.
 
     Of a run in time also the rates, and the work [J] done since the start by each term and by driven ends. Of a model with
-    contact what each of its terms does.
+    contact what each of its terms does; of a path of loads their factor.
     """
 
     state: State
@@ -44,6 +45,7 @@ class Record:
     rates: Rates | None = None
     work: dict[str, float] | None = None
     contact: tuple[Pressed, ...] = ()
+    factor: float | None = None
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,8 @@ class History:
         Spectral radius of a run in time.
     chosen : Chosen, optional
         What was chosen where an accuracy was asked for; `model` has these elements.
+    critical : list of CriticalPoint
+        Limit and bifurcation points that a path passed; see `trace_path`.
     """
 
     model: Model
@@ -119,6 +123,7 @@ class History:
     extrapolated: float | None = None
     rho_inf: float | None = None
     chosen: Chosen | None = None
+    critical: list[CriticalPoint] = field(default_factory=list)
 
     def __repr__(self) -> str:
         span = f"t = {self.t[0]:g} .. {self.t[-1]:g} s, " if self.records else ""
@@ -130,6 +135,21 @@ class History:
     @property
     def t(self) -> np.ndarray:
         return np.array([record.state.t for record in self.records])
+
+    @property
+    def factors(self) -> np.ndarray:
+        """Factor (T,) of the loads at each state of a path of loads; 1 in other runs."""
+        return np.array([1.0 if record.factor is None else record.factor for record in self.records])
+
+    @property
+    def path(self) -> bool:
+        """True if the states follow a path that may turn back: their order is not that of the time."""
+        return bool(self.records) and (self.records[0].factor is not None or bool((np.diff(self.t) < 0).any()))
+
+    @property
+    def order(self) -> np.ndarray:
+        """What increases from state to state (T,): the time [s], or along a path their number."""
+        return np.arange(float(len(self.records))) if self.path else self.t
 
     @property
     def final(self) -> State:

@@ -132,24 +132,30 @@ class LinearSolver:
 
     def _solve_whole(self, matrix: csc_matrix, g: np.ndarray, held: Held, symmetric: bool) -> Solution:
         """Solve with the whole tangent: rods that touch are no chains."""
-        c = self.constraints
-        K, b = matrix, -g.ravel()
-        B = self._increments(held) if c.transforms else None
-        if B is not None:
-            K, b = (B.T @ K @ B).tocsc(), B.T @ b
-        for at, couple in zip(held.at, held.couples, strict=True):
-            dofs = 6 * c.nodes[at] + np.arange(6)
-            K = csc_matrix(K + coo_matrix((couple.ravel(), (np.repeat(dofs, 6), np.tile(dofs, 6))), shape=K.shape))
-        y, fixed = np.zeros((self.space.n_nodes, 6)), np.zeros((self.space.n_nodes, 6), dtype=bool)
-        fixed[c.nodes[c.n_supports :]] = True  # welded ones follow their leader
-        fixed[c.support_node] = c.held[: c.n_supports]
+        K, B, free = self.reduced(matrix, held)
+        b = -g.ravel() if B is None else -(B.T @ g.ravel())
+        c, y = self.constraints, np.zeros((self.space.n_nodes, 6))
         y[c.support_node] = held.gap[: c.n_supports]
-        flat, free = y.ravel(), np.flatnonzero(~fixed)
+        flat = y.ravel()
         columns = K[:, free]
         b = b - K @ flat
         flat[free], negative = solve_sparse(columns.tocsr()[free].tocsc(), b[free], symmetric)
         self.du[...] = (flat if B is None else B @ flat).reshape(-1, 6)
         return Solution(self.du, negative, largest_increment(self.du)[2], "splu")
+
+    def reduced(self, matrix: csc_matrix, held: Held) -> tuple[csc_matrix, csc_matrix | None, np.ndarray]:
+        """The tangent in the unknowns y of supports and leaders, B with du = B y (None: the same), and which y are free."""
+        c, K = self.constraints, matrix
+        B = self._increments(held) if c.transforms else None
+        if B is not None:
+            K = (B.T @ K @ B).tocsc()
+        for at, couple in zip(held.at, held.couples, strict=True):
+            dofs = 6 * c.nodes[at] + np.arange(6)
+            K = csc_matrix(K + coo_matrix((couple.ravel(), (np.repeat(dofs, 6), np.tile(dofs, 6))), shape=K.shape))
+        fixed = np.zeros((self.space.n_nodes, 6), dtype=bool)
+        fixed[c.nodes[c.n_supports :]] = True  # welded ones follow their leader
+        fixed[c.support_node] = c.held[: c.n_supports]
+        return K, B, np.flatnonzero(~fixed)
 
     def _increments(self, held: Held) -> csc_matrix:
         """Node increments (6 N) from the unknowns y of special vertices and their leaders."""

@@ -26,6 +26,7 @@ from .rod import Elements, Rod
 from .space import Blocks, Space, State
 from .support import Clamp, Pin, Support, Weld
 from .terms import Term
+from .terms.external import Factored
 from .terms.internal import Additions, Condensed, InternalForce, KardanBeam, QuaternionBeam
 from .terms.string import String
 
@@ -205,6 +206,29 @@ class Model:
         ]
         if wrong:
             raise SceneError(wrong)
+
+    def with_factor(self, factor: float, loads: Sequence[Term] | None = None) -> Model:
+        """The same model with some of its loads (default all) multiplied by a factor.
+
+        Raises
+        ------
+        ValueError
+            A load is not one of the model's, or no load at all (contact, damping).
+        """
+        chosen = self.loads(loads)
+        return self.with_terms([Factored(term, factor) if term in chosen else term for term in self.terms])
+
+    def loads(self, wanted: Sequence[Term] | None = None) -> tuple[Term, ...]:
+        """The wanted loads of the model; default all. ValueError if one is not a load of this model."""
+        loads = tuple(term for term in self.terms if not _no_load(term))
+        if wanted is None:
+            return loads
+        for term in wanted:
+            if term not in loads:
+                what = "is not a load" if term in self.terms else "is not in the model"
+                known = [t.name for t in loads]
+                raise ValueError(f"loads: {getattr(term, 'name', term)!r} {what}. Loads of the model: {known}.")
+        return tuple(wanted)
 
     def _check_members(self) -> None:
         if not self.rods:
@@ -516,6 +540,11 @@ class Model:
                     f"{self.supports[b].name!r}, which are {chords[k]:.4g} m apart at t = {times[k]:g} s: it must "
                     f"stretch by at least {100 * (chords[k] / length - 1):.2g} %."
                 )
+
+
+def _no_load(term: Term) -> bool:
+    """True for contact and for what resists motion: a factor means nothing there."""
+    return any(getattr(term, name, False) for name in ("contact", "needs_velocity", "internal"))
 
 
 def _check_list(name: str, given: Any, kind: Any) -> None:

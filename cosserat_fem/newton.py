@@ -12,6 +12,7 @@ not be used where the wanted state is unstable. The residual is untouched by mu,
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field, replace
 from time import thread_time
 from typing import Any
@@ -90,6 +91,12 @@ class Newton:
         self.counters = Counters()
         self.approach = Approach(model) if model.contacts else None
 
+    def on(self, model: Model) -> Newton:
+        """The same solver, with its scratch and counters, on the same rods and supports under other loads."""
+        other = copy(self)
+        other.model = model
+        return other
+
     def plain(
         self, state: State, *, targets: Targets | None = None, offset: np.ndarray | None = None, iterations: int = 0
     ) -> Solved:
@@ -163,11 +170,11 @@ class Newton:
             if constraints.tilted:
                 moments = constraints.reactions(state, total.g)[:, 3:]
             held = constraints.evaluate(state, targets, moments)
-            residual, where = self._measure(state, total, held, step, tolerance)
+            residual, where = self.measure(state, total, held, step, tolerance)
             if not residual < np.inf:
                 return stop("the residual is not a finite number")
             met = residual <= 1.0 or (small and 0.5 * before < residual <= STAGNANT)
-            reached = k > 0 and met and self._gap_closed(held) and (approach is None or approach.arrived(state))
+            reached = k > 0 and met and self.closed(held) and (approach is None or approach.arrived(state))
             if reached:
                 return stop()
             if cheap:
@@ -240,7 +247,7 @@ class Newton:
             if offset is not None:
                 total.g[...] += offset
             held = self.model.constraints.evaluate(trial, targets)
-            if self._measure(trial, total, held, step, tolerance)[0] < residual * (1.0 - 0.1 * part):
+            if self.measure(trial, total, held, step, tolerance)[0] < residual * (1.0 - 0.1 * part):
                 break
         return part
 
@@ -268,7 +275,7 @@ class Newton:
         solution = self.linear.solve(state, again.g, held, again.negative, again.symmetric, again.matrix)
         return state, total, reactions, residual, where, solution.negative if solution.singular < 0 else -1, k
 
-    def _measure(self, state: State, total: Sum, held: Held, step: Step | None, tolerance: float) -> tuple[float, int]:
+    def measure(self, state: State, total: Sum, held: Held, step: Step | None, tolerance: float) -> tuple[float, int]:
         """Residual on the free unknowns in units of the tolerance (1 = converged), and the node of the largest."""
         s = self.model.scales
         force = max(total.force, total.moment / s["length"])
@@ -285,7 +292,8 @@ class Newton:
         g = c.in_unknowns(state, total.g, held)
         return largest_residual(g, c.support_node, c.held[:n], force_limit, moment_limit)
 
-    def _gap_closed(self, held: Held) -> bool:
+    def closed(self, held: Held) -> bool:
+        """True if the supports are met."""
         s = self.model.scales
         shift, turn, _ = largest_increment(held.gap)
         return shift <= 1e-12 * s["size"] and turn <= 1e-11

@@ -27,7 +27,7 @@ def read_table(path: pathlib.Path, key: str) -> dict[str, dict[str, np.ndarray]]
 
 
 def plot_run(folder: pathlib.Path, out: pathlib.Path) -> list[pathlib.Path]:
-    """Write reactions and, where there are such, hinge_torque and ledger as svg and png; return their paths."""
+    """Write reactions and, where there are such, hinge_torque, ledger and path as svg and png; return their paths."""
     reactions = read_table(folder / "reactions.csv", "support")
     torque = read_table(folder / "hinge_torque.csv", "part")
     made = []
@@ -37,6 +37,8 @@ def plot_run(folder: pathlib.Path, out: pathlib.Path) -> list[pathlib.Path]:
         made += _save(_torque(torque), out / "hinge_torque")
     if (folder / "ledger.csv").is_file():
         made += _save(_ledger(folder / "ledger.csv"), out / "ledger")
+    if (folder / "path.csv").is_file():
+        made += _save(_path(folder / "path.csv"), out / "path")
     return made
 
 
@@ -51,7 +53,10 @@ def _abscissa(
     reactions: dict[str, dict[str, np.ndarray]], torque: dict[str, dict[str, np.ndarray]]
 ) -> tuple[np.ndarray, str]:
     """The one hinge's angle if there is one hinge that turns, else time."""
-    time = next(iter(reactions.values()))["time"]
+    first = next(iter(reactions.values()))
+    if "station" in first:
+        return first["station"], "station along the path"
+    time = first["time"]
     if len(torque) == 1:
         name, table = next(iter(torque.items()))
         if np.ptp(table["angle_deg"]) > 0:
@@ -88,6 +93,27 @@ def _torque(torque: dict[str, dict[str, np.ndarray]]) -> Figure:
     ax.set_ylabel("torque the drive must supply [N m]")
     ax.grid(alpha=0.3)
     ax.legend()
+    return figure
+
+
+def _path(path: pathlib.Path) -> Figure:
+    """Factor (or time) over the largest displacement of each rod; unstable states are drawn hollow."""
+    with open(path, newline="", encoding="utf-8") as file:
+        names = next(csv.reader(file))
+        table = np.array([[float(x) for x in row] for row in csv.reader(file)])
+    which = "time" if np.ptp(table[:, names.index("factor")]) == 0 else "factor"
+    value, unstable = table[:, names.index(which)], table[:, names.index("negative")] > 0
+    figure = Figure(figsize=(6.4, 4.4), layout="constrained")
+    ax = figure.subplots()
+    for k, name in enumerate(names[5:]):
+        moved, colour = table[:, 5 + k], COLOURS[k % len(COLOURS)]
+        ax.plot(moved, value, "-", color=colour, lw=1, label=name)
+        ax.plot(moved[~unstable], value[~unstable], "o", color=colour, ms=4)
+        ax.plot(moved[unstable], value[unstable], "o", color=colour, ms=4, mfc="none")
+    ax.set_xlabel("largest displacement [m]; unstable states hollow")
+    ax.set_ylabel("time [s]" if which == "time" else "factor of the loads")
+    ax.grid(alpha=0.3)
+    ax.legend(fontsize=8)
     return figure
 
 

@@ -26,6 +26,7 @@ import numpy as np
 
 from .accuracy import add_errors
 from .checks import bend_radius, clearance, distance_from_drawing, worst
+from .continuation import STEPS, trace_path
 from .dynamics import RigidVelocity, solve_dynamic
 from .errors import ConvergenceError, CosseratError, SceneError, one_line, out_of_memory
 from .export import (
@@ -36,8 +37,11 @@ from .export import (
     write_hinge_torque,
     write_history,
     write_ledger,
+    write_modes,
     write_parts,
+    write_path,
     write_reactions,
+    write_shapes,
     write_steps,
 )
 from .folder import PROGRAM, RESULTS, TOUCHING, RunFolder
@@ -51,6 +55,7 @@ from .scene import Scene, load_scene
 from .space import State
 from .statics import solve_quasistatic, solve_static
 from .theories import Comparison, compare_theories
+from .vibration import Modes, modes
 
 PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "pyvista", "vtk", "h5py", "pyamg")
 COUNTED = ("iterations", "residuals")  # counters that go on in a resumed run
@@ -215,6 +220,8 @@ def _solve(
             progress(1, 1)
         return history
 
+    if scene.tables.solve.kind == "path":
+        return _solve_path(scene, progress)
     asked = False
 
     def callback(k: int, state: State) -> bool | None:
@@ -222,7 +229,10 @@ def _solve(
         asked = progress is not None and bool(progress(k + 1, len(scene.times)))
         return asked
 
-    history = solve_quasistatic(scene.model, scene.times, callback=callback, accuracy=scene.tables.solve.accuracy)
+    table = scene.tables.solve
+    history = solve_quasistatic(
+        scene.model, scene.times, past_limits=table.past_limits, callback=callback, accuracy=table.accuracy
+    )
     if asked:
         history.status, history.message = "stopped", f"asked to stop at t = {history.t[-1]:g} s"
     return history
@@ -248,6 +258,25 @@ def compare_scene(scene: Scene, tolerance: float) -> Comparison:
         )  # fmt: skip
 
     return compare_theories(model, solve, tolerance=tolerance)
+
+
+def _solve_path(scene: Scene, progress: Callable[[int, int], bool | None] | None) -> History:
+    table = scene.tables.solve
+    given = {key: value for key in ("steps", "longest") if (value := getattr(table, key)) is not None}
+    most, asked = given.get("steps", STEPS), False
+
+    def callback(k: int, history: History) -> bool | None:
+        nonlocal asked
+        asked = progress is not None and bool(progress(k, most))
+        return asked
+
+    history = trace_path(
+        scene.model, scene.loads if table.along == "loads" else None, until=table.until, along=table.along, t=table.t,
+        branch=table.branch, callback=callback, **given,
+    )  # fmt: skip
+    if asked:
+        history.message = f"asked to stop; {history.message}"
+    return history
 
 
 class _FramesError(Exception):
@@ -349,6 +378,7 @@ class _Writer:
         self.scene, self.folder, self.phases = scene, folder, phases
         self.written: list[str] = []
         self.complete = False
+        self.modes: Modes | None = None
 
     def text(self, name: str, text: str) -> None:
         replace_file(self.folder / name, lambda path: path.write_text(text, encoding="utf-8"))
@@ -366,6 +396,8 @@ class _Writer:
             named |= dict(zip(TOUCHING, (write_contacts, write_contact_loads), strict=True))
         if history.dynamic:
             named |= {"ledger.csv": write_ledger, "steps.csv": write_steps}
+        if history.path:
+            named["path.csv"] = write_path
         for name, write in named.items():
             try:
                 write(history, self.folder / name)
@@ -374,7 +406,26 @@ class _Writer:
             except (OSError, MemoryError, CosseratError) as error:
                 return f"{name} could not be written: {_why(error)}"
             self.written.append(name)
-        self.complete = True
+        reason = self._vibrations(history)
+        self.complete = not reason
+        return reason
+
+    def _vibrations(self, history: History) -> str:
+        """Find and write the vibrations about the last state if the scene asks for them, or say why not."""
+        if self.scene.tables.solve.modes is None:
+            return ""
+        record, model = history.records[-1], history.model
+        if record.factor is not None:
+            model = model.with_factor(record.factor, self.scene.loads)
+        try:
+            self.modes = modes(model, record.state, self.scene.tables.solve.modes)
+            for name, write in (("modes.csv", write_modes), ("modes.vtkhdf", write_shapes)):
+                write(self.modes, self.folder / name)
+                self.written.append(name)
+        except KeyboardInterrupt:
+            return "interrupted while vibrations were looked for"
+        except (OSError, MemoryError, CosseratError) as error:
+            return f"vibrations: {_why(error)}"
         return ""
 
     def summary(self, status: str, reason: str, history: History | None = None) -> None:
@@ -392,6 +443,8 @@ class _Writer:
                     data["discretisation"] = add_errors(data, history, describe, self.scene.parts)
                 except MemoryError as error:
                     data["discretisation"] = {"not_found": out_of_memory(error)}
+            if self.modes is not None:
+                data["vibrations"] = _describe_modes(self.modes)
         data |= {
             "warnings": self.scene.model.warnings,
             "seconds": {"wall": self.phases.wall, "cpu": self.phases.cpu},
@@ -412,6 +465,7 @@ def describe(history: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
     terms = [model.internal.name, *(term.name for term in model.terms)]
     return {
         "stations": {"kept": len(history), "first": float(history.t[0]), "last": float(history.t[-1])},
+        **({"path": _describe_path(history)} if history.path or history.critical else {}),
         "counters": asdict(history.counters) | {"most_iterations": max(r.iterations for r in history.records)},
         "worst_residual": max(r.residual for r in history.records),
         **({"in_time": _describe_motion(history)} if history.dynamic else {"stable": _stability(history)}),
@@ -430,6 +484,32 @@ def describe(history: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
         "hinges": {part.name: _describe_hinge(history, part) for part in hinged_parts(history)},
         **({"contacts": contacts} if contacts else {}),
         **({"clearances": clear} if clear else {}),
+    }
+
+
+def _describe_path(history: History) -> dict[str, Any]:
+    """Extent of a path and its critical points; `after_station` counts from 0."""
+    return {
+        "factor": {"first": float(history.factors[0]), "last": float(history.factors[-1])},
+        "critical": [
+            {
+                "kind": event.kind,
+                "value": float(event.value),
+                "t": float(event.t),
+                "negative_eigenvalues": [event.before, event.after],
+                "after_station": event.station,
+            }
+            for event in history.critical
+        ],
+    }
+
+
+def _describe_modes(found: Modes) -> dict[str, Any]:
+    """Vibrations about the last state."""
+    return {
+        "stable": found.stable,
+        "frequency_Hz": found.frequency.tolist(),
+        "growth_per_s": found.growth.tolist(),
     }
 
 
@@ -456,8 +536,12 @@ def _stability(history: History) -> str:
     known = [s for s in history.stable if s is not None]
     if not known:
         return "not judged: a load has no potential"
-    unstable = [f"{t:g}" for t, s in zip(history.t, history.stable, strict=True) if s is False]
-    return f"unstable at t = {', '.join(unstable[:10])} s" if unstable else "stable at every station"
+    unstable = [f"{x:g}" for x, s in zip(history.order, history.stable, strict=True) if s is False]
+    if not unstable:
+        return "stable at every station"
+    more = f" and {len(unstable) - 10} more" if len(unstable) > 10 else ""
+    stations = ", ".join(unstable[:10]) + more
+    return f"unstable at stations {stations}" if history.path else f"unstable at t = {stations} s"
 
 
 def _describe_rod(history: History, rod: Any) -> dict[str, Any]:

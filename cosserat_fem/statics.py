@@ -20,6 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .arclength import FIRST, Path, Time
 from .errors import ConvergenceError, SceneError, check_integer, check_number, check_shape
 from .history import History, Record
 from .kernels.rotation import multiply, quaternion_from_vector, relative_rotation
@@ -33,6 +34,8 @@ log = logging.getLogger(__name__)
 LOAD_STEPS = (4, 16, 64)
 HALVINGS = 6
 BEND = 0.02  # rad
+JUMP = 0.05  # mean rotation or displacement in rod lengths between stations that makes them worth a look
+PATH_STEPS = 200  # along a path between two stations
 PUSHES = 8  # decades of stiffness with which overlapping rods are pushed apart
 
 
@@ -94,6 +97,7 @@ def solve_quasistatic(
     times: Sequence[float] | np.ndarray,
     *,
     start: State | None = None,
+    past_limits: bool = False,
     callback: Callable[[int, State], bool | None] | None = None,
     accuracy: float | None = None,
 ) -> History:
@@ -105,6 +109,9 @@ def solve_quasistatic(
         Increasing.
     start : State, optional
         Where the first station starts from; default the drawn shape.
+    past_limits : bool
+        Where the equilibrium that is followed ends, because it turns back in time (a limit point), follow it there, back
+        and forth, to the station, instead of leaving it for another one as a snapping rod does. Not with contact.
     callback : function (station, state) -> bool, optional
         Called after each station; return True to stop there.
     accuracy : optional
@@ -112,7 +119,7 @@ def solve_quasistatic(
 
     Returns
     -------
-    History with one state for each time; with `accuracy` as for `solve_static`.
+    History with one state for each time; `critical` holds limit points that were met; with `accuracy` as for `solve_static`.
 
     Raises
     ------
@@ -129,7 +136,7 @@ def solve_quasistatic(
 
         def run(model: Model, some: np.ndarray, start: State | None) -> History:
             told = callback if len(some) == len(times) else None
-            return solve_quasistatic(model, some, start=start, callback=told)
+            return solve_quasistatic(model, some, start=start, past_limits=past_limits, callback=told)
 
         return to_accuracy(model, check_accuracy("solve_quasistatic", accuracy), times, run, start)
     _check_supports(model)
@@ -138,13 +145,19 @@ def solve_quasistatic(
     newton = Newton(model)
     history.counters = newton.counters
     before: State | None = None
+    path: Path | None = None  # looked at between stations, where that can be done
+    if len(times) > 1 and not model.contacts and model.rotation == "quaternion":
+        path = Path(newton, Time(model, float(times[0]), float(times[-1])))
     try:
         state = _start(newton, history, start, float(times[0]))
         solved = newton.accepted(_equilibrium(newton, state, history))
         _append(history, solved)
         for k in range(len(times)):
             if k > 0:
+                way = (before, history.final)
                 solved, before = _travel(newton, history, before, float(times[k]))
+                if path is not None:
+                    solved = _watched(path, history, way, solved, past_limits)
                 _append(history, solved)
             if callback is not None and callback(k, solved.state):
                 history.status, history.message = "stopped", f"stopped by the caller at t = {times[k]:g} s"
@@ -234,6 +247,42 @@ def _travel(newton: Newton, history: History, before: State | None, t: float) ->
                 raise _failure(model, history, solved, f"on the way to t = {t:g} s, {len(history)} stations are kept")
             continue
         wanted.insert(0, 0.5 * (state.t + wanted[0]))
+
+
+def _watched(
+    path: Path, history: History, way: tuple[State | None, State], solved: Solved, past_limits: bool
+) -> Solved:
+    """The next station, after a look whether the path from the last one leads there. If it ends on the way: a warning, or
+    with past_limits the state where it comes to the time of the station again. way: the two states before the station."""
+    model, state = path.newton.model, solved.state
+    before, last = way
+    jump = path.apart(last, state)
+    if jump < JUMP or (before is not None and path.apart(_extrapolated(before, last, state.t), state) < 0.5 * jump):
+        return solved
+    point = path.begin(last, last.t, state.t)
+    if path.apart(path.predicted(point, (state.t - last.t) / point.rate)[0], state) < 0.5 * jump:
+        return solved
+    ds, limits = FIRST, 0
+    for _ in range(PATH_STEPS):
+        new, ds = path.advance(point, ds, state.t)
+        if new is None:
+            break
+        found = [event for event in path.critical(point, new) if event.kind == "limit"]
+        history.critical += [replace(event, station=len(history) - 1) for event in found]
+        limits, point = limits + len(found), new
+        if point.value == state.t or (found and not past_limits):
+            break
+    if limits == 0:
+        return solved
+    if past_limits and point.value == state.t:
+        total = model.residual(point.state)
+        return Solved(point.state, total, point.reactions, point.residual, 0, point.negative, point.iterations)
+    hint = f"The path was followed no further: {path.reason}." if past_limits else "past_limits follows the path."
+    model.warn(
+        f"t = {history.critical[-limits].t:.6g} s: a limit point; the equilibrium that was followed ends there, and the "
+        f"rods snap to another one before t = {state.t:g} s. A run in time shows how. {hint}"
+    )
+    return solved
 
 
 def _extrapolated(before: State, state: State, t: float) -> State:

@@ -36,7 +36,7 @@ def gaps(model, state, radius, shape):
 
 
 @pytest.mark.parametrize("pressure", [None, 0.01 * WEIGHT, WEIGHT, 100 * WEIGHT])
-def test_resting_rod(pressure):
+def test_resting_rod(validation, pressure):
     """Line force = weight, stand-off below 1e-3 radii at any pressure scale, sum of contact = weight."""
     model = lying(pressure=pressure)
     history = cf.solve_static(model)
@@ -46,7 +46,8 @@ def test_resting_rod(pressure):
     np.testing.assert_allclose(force[inside, 2], WEIGHT, rtol=1e-3)
     assert abs(gaps(model, history.final, 0.005, FLOOR)).max() <= 1e-3 * 0.005
     load = history.contact_load("floor")[0]
-    assert load[2] == pytest.approx(-WEIGHT * 0.3, rel=1e-8)
+    variant = "no pressure scale" if pressure is None else f"pressure scale {pressure / WEIGHT:g} weights"
+    validation.row("rod at rest on a floor", "its weight", -WEIGHT * 0.3, load[2], 1e-8, variant=variant)
     np.testing.assert_allclose(load[[0, 1]], 0, atol=1e-9 * WEIGHT)
     middle = model.space.node_mass @ history.final.r / model.space.node_mass.sum()  # it may lie anywhere on the plane
     np.testing.assert_allclose(load[3:], np.cross(middle, load[:3]), atol=1e-8 * WEIGHT)
@@ -111,7 +112,7 @@ def test_friction_angle(friction):
 
 
 @pytest.mark.filterwarnings("ignore:energy ledger")
-def test_sliding_down():
+def test_sliding_down(validation):
     """In time: at 0.1 % below the limit it stays, at 0.1 % above it the speed grows as the difference says."""
     friction = 0.4
     step = cf.FixedStep(5e-3)
@@ -123,7 +124,7 @@ def test_sliding_down():
     history = cf.solve_dynamic(model, 1.0, step=step, rho_inf=0.5, times=[0.5, 1.0])
     speed = history.velocities("rod")[:, :, 0].mean(axis=1)
     a = cr.slope_acceleration(friction, np.arctan(1.001 * friction), G)
-    assert np.diff(speed)[0] == pytest.approx(0.5 * a, rel=0.02)
+    validation.row("rod that slides down a slope", "Coulomb, closed form", 0.5 * a, np.diff(speed)[0], 0.02)
 
 
 def test_stick_does_not_creep():
@@ -145,7 +146,7 @@ def dragged(*, friction=0.3, there=0.02, n=9):
     return cf.solve_quasistatic(model, np.linspace(0, 4, 4 * n + 1))
 
 
-def test_friction_takes_energy():
+def test_friction_takes_energy(validation):
     """Dragged out and back: force = mu weight both ways, work lost >= 0 at each station and as the loop says."""
     history = dragged()
     lost = history.friction_work("rod-floor")
@@ -154,7 +155,7 @@ def test_friction_takes_energy():
     full = 0.3 * WEIGHT * 0.3
     np.testing.assert_allclose(force[[5, 9]], full, rtol=1e-6)
     np.testing.assert_allclose(force[[15, 27]], -full, rtol=1e-6)
-    assert lost[-1] == pytest.approx(full * 4 * 0.02, rel=0.01)
+    validation.row("rod dragged out and back", "Coulomb, area of the loop", full * 4 * 0.02, lost[-1], 0.01)
 
 
 # the same in other words
@@ -247,13 +248,13 @@ def test_trapped(tmp_path):
 # compliant layer
 
 
-def test_layer_is_indented_by_pressure_over_stiffness():
+def test_layer_is_indented_by_pressure_over_stiffness(validation):
     """Insulation of 1 kN/m per mm under its own weight many times over."""
     stiffness, depth, line = 1e6, 1e-3, 300.0
     model = lying(height=0.0051, layer=(stiffness, depth), gravity=(0, 0, -line / CABLE.mass_per_length))
     history = cf.solve_static(model)
     z = history.positions("rod")[0][5:-5, 2]
-    np.testing.assert_allclose(0.005 - z, line / stiffness, rtol=0.02, atol=2e-5 * 0.005)
+    validation.row("indented layer", "pressure over stiffness", line / stiffness, 0.005 - z, 0.02)
     assert history.contact_load("floor")[0, 2] == pytest.approx(-line * 0.3, rel=1e-8)
 
 
@@ -305,7 +306,7 @@ def test_parallel_rods_have_no_ripple():
 
 
 @pytest.mark.parametrize("n_elements", [8, 9])
-def test_crossing_ropes(n_elements):
+def test_crossing_ropes(validation, n_elements):
     """Two clamped rods at a right angle, pressed into each other by their clamps: lifts and force of the elastica."""
     EI, EA, radius, distance = 1e-2, 100.0, 0.01, 0.08
     first = {"span": 1.0, "length": 1.0, "EI": EI, "EA": EA}
@@ -323,15 +324,16 @@ def test_crossing_ropes(n_elements):
     history = cf.solve_quasistatic(cf.Model([a, b], supports, [cf.RodContact([a, b])]), np.linspace(0, 1, 6))
     found = -sum(history.reaction(f"b.{end}@down")[-1, 2] for end in ("start", "end"))
     za, zb = (centreline(history.model, rod, history.final, 50)[:, 2] for rod in (a, b))
-    assert found == pytest.approx(force, rel=1e-3)
-    assert -za.min() == pytest.approx(h1, rel=1e-3)
-    assert zb.max() - (2 * radius - distance) == pytest.approx(h2, rel=1e-3)
+    source, lifts = "boundary value problem by collocation", (-za.min(), zb.max() - (2 * radius - distance))
+    case, many = "two ropes that cross", f"{n_elements} elements"
+    validation.row(case, source, force, found, 1e-3, variant=f"force, {many}")
+    validation.row(case, source, (h1, h2), lifts, 1e-3, variant=f"lifts, {many}")
 
 
 # meshes
 
 
-def test_groove_is_touched_on_both_sides(tmp_path):
+def test_groove_is_touched_on_both_sides(tmp_path, validation):
     """A V of 90 degrees: each side carries weight / sqrt(2), and the rod lies a sqrt(2) above its bottom."""
     points = [(-0.05, -0.1, 0.1), (-0.05, 0, 0), (-0.05, 0.1, 0.1), (0.4, -0.1, 0.1), (0.4, 0, 0), (0.4, 0.1, 0.1)]
     write_obj(tmp_path / "v.obj", points, [(0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4)])
@@ -346,7 +348,7 @@ def test_groove_is_touched_on_both_sides(tmp_path):
     sides = np.sign(found.rows[:, 4])
     assert (np.bincount((sides > 0).astype(int), found.rows[:, 1]) > 0.99 * 0.3).all()
     peak = history.contacts()[0].peak
-    assert peak == pytest.approx(WEIGHT / np.sqrt(2), rel=2e-2)
+    validation.row("rod in a groove of 90 degrees", "closed form", WEIGHT / np.sqrt(2), peak, 2e-2)
 
 
 def drum_mesh(path, radius, facets):

@@ -49,6 +49,16 @@ def test_hanging_cable(tmp_path):
     assert pull == pytest.approx(0.222356, rel=1e-5)
 
 
+def test_lee_frame(tmp_path):
+    """Past both limit points: 1.855 up and 0.940 down by published solutions, which fix the thin frame's shear stiffness."""
+    run_scene("lee_frame.toml", tmp_path)
+    with open(tmp_path / "out" / "path.csv", newline="") as file:
+        factors = np.array([float(row["factor"]) for row in csv.DictReader(file)])
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(factors)))) + 1
+    assert factors[turns] == pytest.approx([1.855, -0.940], abs=0.02)
+    assert factors[-1] == 3.0
+
+
 def test_cable_through_ring(tmp_path):
     """The ring carries what wall and slider do not, and holds the cable back; the pull grows."""
     rows = run_scene("cable_through_ring.toml", tmp_path)

@@ -16,17 +16,21 @@ from typing import Any
 
 import numpy as np
 
+from ..continuation import STEPS
 from ..dynamics import check_dynamic
 from ..errors import SceneError
 from ..mechanism import Part
 from ..model import Model
 from ..refine import check_accuracy
+from ..terms import Term
 from .build import Builder
 from .lines import Path
 from .load import CONTROL, Source, read, validate
 from .tables import SceneTables
 
+ONE = {"static": "a static scene is one state", "path": "a path chooses its states itself"}
 SHIPPED = "satellite_hinge.toml"
+ALONG = ("along", "until", "longest", "branch")  # keys of [solve] for kind = "path"
 IN_TIME = ("start", "velocity", "rho_inf", "rtol", "dt", "richardson")  # keys of [solve] for kind = "dynamic"
 
 
@@ -35,7 +39,8 @@ class Scene:
     """A checked scene: its tables, its model, its parts and the times to solve for.
 
     parts: all of them, also those that hold no rod and are not in the model.
-    times (T,) [s]: stations of a quasi-static run, kept states of a run in time; the one time of a static run.
+    times (T,) [s]: stations of a quasi-static run, kept states of a run in time; the one time of a static run; first and
+    last time of a path. loads: those that a path multiplies.
     """
 
     source: Source
@@ -44,6 +49,7 @@ class Scene:
     parts: tuple[Part, ...]
     times: np.ndarray
     contact_of: Callable[[str], Path] = field(repr=False)
+    loads: tuple[Term, ...] = ()
 
     @property
     def title(self) -> str:
@@ -53,6 +59,11 @@ class Scene:
     def folder(self) -> pathlib.Path:
         """Where results go unless told otherwise: `[output] folder`, else out/<name of the file>."""
         return pathlib.Path(self.tables.output.folder or pathlib.Path("out") / self.source.path.stem)
+
+    @property
+    def stations(self) -> int:
+        """How many states the run finds, at most."""
+        return (self.tables.solve.steps or STEPS) if self.tables.solve.kind == "path" else len(self.times)
 
     @property
     def inputs(self) -> list[pathlib.Path]:
@@ -84,11 +95,26 @@ class Scene:
         for table, key in _files(data):
             table[key] = str(self._file(table[key]))
         kind = data["solve"]["kind"]
-        for key in ("duration", "times") if kind == "static" else ("t", "steps"):
+        for key in _foreign(kind):
             data["solve"].pop(key, None)
-        for key in IN_TIME if kind != "dynamic" else ():
-            data["solve"].pop(key, None)
+        for load in data["load"] if kind != "path" else ():
+            load.pop("constant", None)
         return to_toml(data)
+
+
+def _foreign(kind: str) -> dict[str, str]:
+    """Keys of [solve] that say nothing in a run of this kind, and what they are for."""
+    one = kind in ("static", "path")
+    keys = dict.fromkeys(("duration", "times") if one else ("t", "steps"), "quasistatic" if one else "static")
+    if kind != "dynamic":
+        keys |= dict.fromkeys(IN_TIME, "dynamic")
+    if kind != "path":
+        keys |= dict.fromkeys(ALONG, "path")
+    if kind != "quasistatic":
+        keys |= {"past_limits": "quasistatic"}
+    if kind == "dynamic":
+        keys |= {"modes": "static"}
+    return keys
 
 
 def _files(data: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
@@ -117,7 +143,8 @@ def load_scene(path: str | os.PathLike[str] | None = None) -> Scene:
     model = builder.model()
     times = _times(source, tables)
     _check_run(builder, model, times)
-    return Scene(source, tables, model, tuple(builder.parts.values()), times, builder.contact_of)
+    loads = tuple(load for k, load in builder.loads.items() if not tables.load[k].constant)
+    return Scene(source, tables, model, tuple(builder.parts.values()), times, builder.contact_of, loads)
 
 
 def _times(source: Source, tables: SceneTables) -> np.ndarray:
@@ -125,31 +152,31 @@ def _times(source: Source, tables: SceneTables) -> np.ndarray:
     solve, every = tables.solve, tables.output.every
     given = source.data["solve"]
     faults = _accuracy(source, tables)
-    if solve.kind == "static":
-        for key in ("duration", "times"):
-            if key in given:
-                faults.append(source.fault(("solve", key), f'{key} is for kind = "quasistatic"; use t.'))
-        for key in IN_TIME:
-            if key in given:
-                faults.append(source.fault(("solve", key), f'{key} is for kind = "dynamic".'))
+    for key, kind in _foreign(solve.kind).items():
+        if key in given:
+            more = "; use t" if solve.kind == "static" and kind == "quasistatic" else ""
+            faults.append(source.fault(("solve", key), f'{key} is for kind = "{kind}"{more}.'))
+    if solve.modes is not None and solve.modes < 1:
+        faults.append(source.fault(("solve", "modes"), f"modes must be at least 1 (got {solve.modes})."))
+    if solve.rotation == "kardan" and (solve.kind == "path" or solve.modes is not None):
+        what = "a path needs" if solve.kind == "path" else "vibrations need"
+        faults.append(source.fault(("solve", "rotation"), f'{what} rotation = "quaternion".'))
+    for k, load in enumerate(tables.load):
+        if load.constant and solve.kind != "path":
+            faults.append(source.fault(("load", k, "constant"), 'constant is for kind = "path".'))
+    if solve.kind in ("static", "path"):
         if every is not None:
-            faults.append(
-                source.fault(("output", "every"), 'every is for kind = "quasistatic"; a static scene is one state.')
-            )
+            reason = f'every is for kind = "quasistatic"; {ONE[solve.kind]}.'
+            faults.append(source.fault(("output", "every"), reason))
         if solve.steps is not None and solve.steps < 1:
             faults.append(source.fault(("solve", "steps"), f"steps must be at least 1 (got {solve.steps})."))
+        if solve.kind == "path":
+            faults += _path(source, tables)
         if faults:
             raise SceneError(faults)
-        return np.array([solve.t])
-    for key in ("t", "steps"):
-        if key in given:
-            faults.append(source.fault(("solve", key), f'{key} is for kind = "static".'))
+        return np.array([solve.t, solve.until] if solve.along == "time" else [solve.t])
     if solve.kind == "dynamic":
         faults += _time_step(source, tables)
-    else:
-        for key in IN_TIME:
-            if key in given:
-                faults.append(source.fault(("solve", key), f'{key} is for kind = "dynamic".'))
     if (solve.times is None) == (solve.duration is None):
         faults.append(source.fault(("solve",), "needs either 'duration' (with output.every) or 'times'."))
     elif solve.times is not None:
@@ -207,6 +234,29 @@ def _accuracy(source: Source, tables: SceneTables) -> list[str]:
         faults.append(source.fault(("solve", steps[0]), f"accuracy chooses the steps; leave out {steps[0]}."))
     if solve.kind == "dynamic" and tables.contact:
         faults.append(source.fault(key, "cannot be asked of a run in time with contact; give rtol or dt."))
+    if solve.kind == "path":
+        faults.append(source.fault(key, "cannot be asked of a path; give its rods more elements."))
+    return faults
+
+
+def _path(source: Source, tables: SceneTables) -> list[str]:
+    """Faults of the keys that only a path has."""
+    solve, faults = tables.solve, []
+    if tables.contact:
+        faults.append(source.fault(("contact",), 'kind = "path" cannot follow rods that touch something.'))
+    if solve.along == "time" and (solve.until == "critical" or not solve.until > solve.t):
+        faults.append(source.fault(("solve", "until"), f"until must be a time after t = {solve.t:g} s."))
+    if solve.along == "loads":
+        if all(load.constant for load in tables.load):
+            reason = 'has no [[load]] to multiply (weight and loads with constant = true stay); or use along = "time".'
+            faults.append(source.fault(("solve",), f'kind = "path" {reason}'))
+        written = source.data["solve"].get("until", 1.0)
+        if isinstance(written, str) and written != "critical":
+            faults.append(source.fault(("solve", "until"), f'until must be a factor or "critical" (got {written!r}).'))
+    if solve.longest is not None and not solve.longest > 0:
+        faults.append(source.fault(("solve", "longest"), f"longest must be greater than 0 (got {solve.longest:g})."))
+    if solve.branch is not None and solve.branch < 0:
+        faults.append(source.fault(("solve", "branch"), f"branch must be a seed of at least 0 (got {solve.branch})."))
     return faults
 
 

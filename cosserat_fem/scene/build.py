@@ -433,7 +433,7 @@ class Builder:
         rod = self._find(self.rods, self.tables.rod, table.rod, "rod", (*path, "rod"))
         if rod is None:
             return None
-        given = table.model_dump(exclude={"kind", "rod"}, exclude_unset=True)
+        given = table.model_dump(exclude={"kind", "rod", "constant"}, exclude_unset=True)
         if isinstance(table, LineLoadTable):
             if table.profile is not None:
                 given["profile"] = self._profile(rod, *table.profile)

@@ -108,6 +108,10 @@ def _unit(value: Any) -> float:
     return unit
 
 
+def _until(value: Any) -> Any:
+    return value if value == "critical" else parse(value, "time")
+
+
 def _profile(value: Any) -> Any:
     if not isinstance(value, list) or len(value) != 2 or not all(isinstance(entries, list) for entries in value):
         raise ValueError("must be [[places], [factors]]")
@@ -331,6 +335,7 @@ class PointLoadTable(Table):
     force: over_time("force", 3) = [0.0, 0.0, 0.0]
     moment: over_time("moment", 3) = [0.0, 0.0, 0.0]
     follower: Flag = False
+    constant: Flag = False
 
 
 class LineLoadTable(Table):
@@ -343,6 +348,7 @@ class LineLoadTable(Table):
     components: Literal["all", "normal"] = "all"
     follower: Flag = False
     profile: custom(_profile, "[[places], [factors]]") | None = None
+    constant: Flag = False
 
 
 class DampingTable(Table):
@@ -418,13 +424,19 @@ class VelocityTable(Table):
 class SolveTable(Table):
     """What to solve."""
 
-    kind: Literal["static", "quasistatic", "dynamic"]
+    kind: Literal["static", "quasistatic", "path", "dynamic"]
     t: quantity("time") = 0.0
     steps: Integer | None = None
     duration: quantity("time") | None = None
     times: list[quantity("time")] | None = None
     rotation: Literal["quaternion", "kardan"] = "quaternion"
     theory: Literal["cosserat", "kirchhoff", "string"] = "cosserat"
+    past_limits: Flag = False
+    modes: Integer | None = None
+    along: Literal["loads", "time"] = "loads"
+    until: custom(_until, "a factor, a time or 'critical'") = 1.0
+    longest: quantity("number") | None = None
+    branch: Integer | None = None
     start: Literal["equilibrium", "drawn"] = "equilibrium"
     velocity: VelocityTable | None = None
     rho_inf: quantity("number") = 0.8

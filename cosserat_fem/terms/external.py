@@ -9,7 +9,7 @@ Derivatives: see `kernels.loads`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -255,6 +255,29 @@ class PointLoad:
 
     def __call__(self, state: State, space: Space, *, tangent: bool = True) -> Blocks:
         return blocks_of(self.table(state.t, space), state, space, tangent=tangent)
+
+
+@dataclass(frozen=True, eq=False)
+class Factored:
+    """A load times a factor; what else is asked of it the load itself answers."""
+
+    load: Any
+    factor: float
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(self.load, name)
+
+    def table(self, t: float, space: Space) -> NodalLoads:
+        """The load as loads at nodes, at time t."""
+        table = self.load.table(t, space)
+        return replace(table, force=self.factor * table.force, moment=self.factor * table.moment)
+
+    def __call__(self, state: State, space: Space, *, tangent: bool = True) -> Blocks:
+        blocks = self.load(state, space, tangent=tangent)
+        stiffness = None if blocks.stiffness is None else self.factor * blocks.stiffness
+        return replace(blocks, force=self.factor * blocks.force, stiffness=stiffness)
 
 
 def blocks_of(table: NodalLoads, state: State, space: Space, *, tangent: bool) -> Blocks:

@@ -260,7 +260,7 @@ def test_every_table(tmp_path):
         ('at = "end"', 'at = "start"', 27, "both hold x, y, z, rx, ry, rz. Use one support"),
         ('at = "end"', 'at = "end"\nfree = ["q"]', 31, "free component 'q' is unknown"),
         ('"-9.81 m/s^2"', '"-9.81 m/s"', 34, "gravity: acceleration[2] is not an acceleration"),
-        ('kind = "quasistatic"', 'kind = "dynamik"', 37, "kind must be one of 'static', 'quasistatic' or 'dynamic'"),
+        ('kind = "quasistatic"', 'kind = "dynamik"', 37, "kind must be one of 'static', 'quasistatic', 'path' or 'dynamic'"),
         ('duration = "2 s"', 'duration = "0 s"', 38, "duration must be greater than 0"),
         ('duration = "2 s"', "times = [0, 1, 1]", 38, "times must increase (got 1 s after 1 s)."),
         ('duration = "2 s"', "times = []", 38, "times is empty"),

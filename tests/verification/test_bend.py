@@ -27,22 +27,22 @@ def bend(case, *, n_elements, order):
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_all_loads_and_sections(references, report, case):
+def test_all_loads_and_sections(references, validation, case):
     """Tip, clamp moment and strain energy against shooting, from the load-free arc in one step."""
     ref = references["A03_bend45"]["values"][case]
     history = cf.solve_static(bend(case, n_elements=12, order=4))
     tip = history.positions("bend")[0, -1]
     error = np.linalg.norm(tip - ref["tip"]) / (R * ANGLE)
     moment = history.reaction("bend.start@ground")[0, 3:] - ref["support_moment_n(0)xyz"]
-    report(f"{case}: tip {error:.1e} L, {history.counters.iterations} iterations")
-    assert error < 1e-8
+    source = "shooting; problem of Bathe and Bolourchi (1979)"
+    validation.error("bend of 45 degrees", source, error, 1e-8, unit="L", variant=case)
     assert abs(moment).max() < 1e-7 * 3e4
     assert history.energy[0] == pytest.approx(ref["energy"], rel=1e-7)
     assert history.counters.load_steps == 0
 
 
 @pytest.mark.parametrize(("order", "counts"), [(1, (16, 32, 64)), (2, (8, 16, 32)), (3, (4, 8, 16)), (4, (2, 4, 8))])
-def test_order(references, report, order_of, order, counts):
+def test_order(references, validation, order_of, order, counts):
     case = "J=0.1406,k=1,P=600"
     ref = references["A03_bend45"]["values"][case]["tip"]
     errors = []
@@ -50,5 +50,8 @@ def test_order(references, report, order_of, order, counts):
         tip = cf.solve_static(bend(case, n_elements=n, order=order)).positions("bend")[0, -1]
         errors.append(np.linalg.norm(tip - ref) / (R * ANGLE))
     found = order_of(counts, errors)
-    report(f"p{order}: errors {', '.join(f'{e:.1e}' for e in errors)}, order {found:.2f}")
-    assert found > 2 * order - 0.5
+    source = "shooting; problem of Bathe and Bolourchi (1979)"
+    validation.error(
+        "bend of 45 degrees", source, errors[-1], 1e-3, unit="L", variant=f"{counts[-1]} x p{order}",
+        order=found, least_order=2 * order - 0.5,
+    )  # fmt: skip

@@ -15,29 +15,33 @@ def solve(cantilever, stiffness, P, *, n_elements=10, order=4):
 
 
 @pytest.mark.parametrize("P", range(1, 11))
-def test_inextensible(cantilever, references, report, P):
+def test_inextensible(cantilever, references, validation, P):
     """EA = GA = 1e8 EI / L^2 stands for a constraint; its remainder is of order P / EA = 1e-7."""
     found, _ = solve(cantilever, (1e8, 1e8, 1e8, 1, 1, 1), float(P))
     ref = references["A02a_elastica_tip_force"]["values"][str(P)]
-    error = abs(found[:3] - [ref["u_over_L"], ref["w_over_L"], ref["tip_angle"]]).max()
-    report(f"P = {P}: error {error:.1e}")
-    assert error < 5e-7
+    wanted = [ref["u_over_L"], ref["w_over_L"], ref["tip_angle"]]
+    source = "elliptic integrals; Mattiasson (1981)"
+    validation.row(
+        "elastica under a tip force", source, wanted, found[:3], 5e-7, scale=1.0, variant=f"P L^2 / EI = {P}"
+    )
 
 
 @pytest.mark.parametrize("case", ["slender10", "slender100"])
 @pytest.mark.parametrize("P", range(1, 11))
-def test_with_shear_and_stretch(cantilever, references, report, case, P):
+def test_with_shear_and_stretch(cantilever, references, validation, case, P):
     """All ten loads of two thick rods: place, director angle and energy of the tip."""
     data = references[f"A02b_elastica_{case}"]
     found, _ = solve(cantilever, data["data"]["stiffness"], float(P))
     ref = data["values"][str(P)]
-    error = abs(found / [ref["u"], ref["w"], ref["director_angle"], ref["energy"]] - 1).max()
-    report(f"{case}, P = {P}: relative error {error:.1e}")
-    assert error < 1e-8
+    ratio = found / [ref["u"], ref["w"], ref["director_angle"], ref["energy"]]
+    source = "boundary value problem by collocation"
+    validation.row(
+        "cantilever with shear and stretch", source, 1.0, ratio, 1e-8, unit="ratio", variant=f"{case}, P = {P}"
+    )
 
 
 @pytest.mark.parametrize(("order", "counts"), [(1, (16, 32, 64)), (2, (8, 16, 32)), (3, (4, 8, 16)), (4, (3, 6, 12))])
-def test_order(cantilever, references, report, order_of, order, counts):
+def test_order(cantilever, references, validation, order_of, order, counts):
     data = references["A02b_elastica_slender100"]
     ref = data["values"]["10"]
     errors = [
@@ -45,5 +49,7 @@ def test_order(cantilever, references, report, order_of, order, counts):
         for n in counts
     ]
     found = order_of(counts, errors)
-    report(f"p{order}: errors {', '.join(f'{e:.1e}' for e in errors)}, order {found:.2f}")
-    assert found > 2 * order - 0.5
+    validation.error(
+        "cantilever with shear and stretch", "boundary value problem by collocation", errors[-1], 1e-3, unit="L",
+        variant=f"{counts[-1]} x p{order}", order=found, least_order=2 * order - 0.5,
+    )  # fmt: skip

@@ -30,7 +30,7 @@ def beam(name, P, beta):
 
 @pytest.mark.parametrize("name", SETS)
 @pytest.mark.parametrize("P", [4.448, 8.896, 13.345])
-def test_all_angles(references, report, name, P):
+def test_all_angles(references, validation, name, P):
     values = references["A07_princeton"]["values"]
     errors, twists = [], []
     for beta in (0, 15, 30, 45, 60, 75, 90):
@@ -39,12 +39,12 @@ def test_all_angles(references, report, name, P):
         errors.append(np.linalg.norm(history.positions("beam")[0, -1] - (LENGTH, 0, 0) - ref["u_xyz"]) / LENGTH)
         d1 = history.directors("beam")[0, -1, :, 0]
         twists.append(abs(np.degrees(np.arctan2(d1[2], d1[1])) - ref["twist_deg_atan2(d1_z,d1_y)"]))
-    report(f"{name}, P = {P}: largest error {max(errors):.1e} L, twist {max(twists):.0e} deg")
-    assert max(errors) < 1e-9
+    source = "boundary value problem by collocation; problem of Dowell and Traybar (1975)"
+    validation.error("Princeton beam", source, max(errors), 1e-9, unit="L", variant=f"{name}, P = {P} N")
     assert max(twists) < 1e-6
 
 
-def test_ansys(references):
+def test_ansys(validation):
     """Within 0.2 mm of the ANSYS beam188 values quoted by Obrezkov et al. (2022), whose mesh is 40 elements."""
     ansys = {
         8.896: ([0.0107141763, 0.01061328706, 0.0101116963, 0.008837226265, 0.006604665004, 0.003538889001, 0],
@@ -55,4 +55,15 @@ def test_ansys(references):
     for P, (down, side) in ansys.items():
         for beta, y, z in zip((0, 15, 30, 45, 60, 75, 90), down, side, strict=True):
             tip = cf.solve_static(beam("k=5/6,J=SaintVenant", P, beta)).positions("beam")[0, -1]
-            np.testing.assert_allclose((-tip[1], tip[2]), (y, z), atol=2e-4)
+            variant = f"P = {P} N, {beta} deg"
+            source = "ANSYS beam188, in Obrezkov et al. (2022)"
+            validation.row(
+                "Princeton beam, another program",
+                source,
+                (y, z),
+                (-tip[1], tip[2]),
+                2e-4,
+                scale=1,
+                unit="m",
+                variant=variant,
+            )

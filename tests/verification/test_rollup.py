@@ -17,11 +17,12 @@ def tip_error(cantilever, turns, n_elements, order, stiffness=STIFFNESS):
 
 
 @pytest.mark.parametrize(("turns", "n_elements"), [(1, 8), (2, 16), (3, 24), (5, 40)])
-def test_full_turns_in_one_load_step(cantilever, report, turns, n_elements):
+def test_full_turns_in_one_load_step(cantilever, validation, turns, n_elements):
     """One to five turns from the straight rod at once: past 2 pi, 4 pi and on, in a handful of iterations."""
     error, history = tip_error(cantilever, turns, n_elements, 4)
-    report(f"{turns} turns, {n_elements} x p4: error {error:.1e} L, {history.counters.iterations} iterations")
-    assert error < 1e-6
+    validation.error(
+        "roll-up", "closed form", error, 1e-6, unit="L", variant=f"{turns} turns, {n_elements} x p4, one step"
+    )
     assert history.counters.iterations <= 6
     assert history.counters.guarded == 0
     np.testing.assert_allclose(history.reaction("rod.start@ground")[0, 3:], (0, 0, -2 * np.pi * turns), atol=1e-9)
@@ -39,17 +40,19 @@ def test_parts_of_a_turn(cantilever, part):
 @pytest.mark.parametrize(
     ("order", "counts"), [(1, (20, 40, 80)), (2, (10, 20, 40)), (3, (8, 16, 32)), (4, (6, 12, 24))]
 )
-def test_order(cantilever, report, order_of, order, counts):
+def test_order(cantilever, validation, order_of, order, counts):
     """Error ~ h^(2p) at the nodes: order p with p Gauss points."""
     errors = [tip_error(cantilever, 1, n, order)[0] for n in counts]
     found = order_of(counts, errors)
-    report(f"p{order}: errors {', '.join(f'{e:.1e}' for e in errors)}, order {found:.2f}")
-    assert found > 2 * order - 0.3
+    validation.error(
+        "roll-up", "closed form", errors[-1], 1e-3, unit="L", variant=f"{counts[-1]} elements",
+        order=found, least_order=2 * order - 0.3,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("slender", [1e2, 1e4, 1e6, 1e8])
-def test_slender_rod_rolls_up_as_well(cantilever, slender):
+def test_slender_rod_rolls_up_as_well(cantilever, validation, slender):
     """EA L^2 / EI from 1e2 to 1e8: still one step, the same accuracy."""
     error, history = tip_error(cantilever, 1, 8, 4, (slender,) * 3 + (1.0, 1.0, 1.0))
-    assert error < 1e-6
+    validation.error("roll-up", "closed form", error, 1e-6, unit="L", variant=f"EA L^2 / EI = {slender:g}")
     assert history.counters.iterations <= 6
