@@ -194,6 +194,8 @@ def _begin(
         raise SceneError("path: cannot follow rods that touch something. Run the scene in time, or without contact.")
     if model.rotation != "quaternion":
         raise SceneError("path: needs rotation = 'quaternion'.")
+    if model.theory == "string":
+        raise SceneError("path: needs rods that bend; a string has no stiffness where it is slack.")
     t = check_number("trace_path: t", t)
     chosen = model.loads(loads)
     if along == "loads" and not chosen:

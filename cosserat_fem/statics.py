@@ -146,7 +146,7 @@ def solve_quasistatic(
     history.counters = newton.counters
     before: State | None = None
     path: Path | None = None  # looked at between stations, where that can be done
-    if len(times) > 1 and not model.contacts and model.rotation == "quaternion":
+    if len(times) > 1 and not model.contacts and model.rotation == "quaternion" and model.theory != "string":
         path = Path(newton, Time(model, float(times[0]), float(times[-1])))
     try:
         state = _start(newton, history, start, float(times[0]))

@@ -100,6 +100,8 @@ def modes(model: Model, state: State | None = None, n: int = 10) -> Modes:
     space = model.space
     if model.rotation != "quaternion":
         raise SceneError("modes: vibrations need rotation = 'quaternion'.")
+    if model.theory == "string":
+        raise SceneError("modes: vibrations of strings are not known; use theory = 'kirchhoff'.")
     for rod in model.rods:
         if not space.node_mass[space[rod].nodes].all():
             raise SceneError(f"modes: rod {rod.name!r} has no mass. Give its section a density or mass_per_length.")

@@ -161,6 +161,9 @@ def _times(source: Source, tables: SceneTables) -> np.ndarray:
     if solve.rotation == "kardan" and (solve.kind == "path" or solve.modes is not None):
         what = "a path needs" if solve.kind == "path" else "vibrations need"
         faults.append(source.fault(("solve", "rotation"), f'{what} rotation = "quaternion".'))
+    if solve.theory == "string" and (solve.kind == "path" or solve.modes is not None):
+        what = "a path needs" if solve.kind == "path" else "vibrations need"
+        faults.append(source.fault(("solve", "theory"), f"{what} rods that bend."))
     for k, load in enumerate(tables.load):
         if load.constant and solve.kind != "path":
             faults.append(source.fault(("load", k, "constant"), 'constant is for kind = "path".'))
