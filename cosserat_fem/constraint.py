@@ -28,6 +28,7 @@ from .kernels.rotation import (
     quaternion_from_vector,
     relative_rotation,
 )
+from .mechanism import Part
 from .space import Space, State
 from .support import COMPONENTS, Support, Weld
 
@@ -102,6 +103,11 @@ class Constraints:
         }
         self.tilted = [row for row, h in enumerate(self.supports) if _is_tilted(h)]
         self.transforms = bool(self.tilted) or len(follow) > 0
+
+    @property
+    def moving_parts(self) -> list[Part]:
+        """Parts with a motion that hold a rod."""
+        return list(self._moving)
 
     def targets(self, t: float) -> Targets:
         """Places and attitudes of all supports at time t, from the motion of their parts."""

@@ -36,7 +36,7 @@ from .impact import Impact
 from .kernels.inertia import largest_change
 from .kernels.rotation import quaternion_from_matrix, relative_rotation
 from .model import Model
-from .newton import CompiledStep, Newton, Solved
+from .newton import Newton, Solved
 from .rates import NOBODY, Balance
 from .space import State
 from .terms.dissipative import damped_tables, tables_at_rate
@@ -174,7 +174,7 @@ class Run:
         self._names = [names[term] for term in self._others]
         self._contact_names = [names[term] for term in model.contacts]
         self._velocity_terms = any(getattr(term, "needs_velocity", False) for term in model.terms)
-        self._compiled = CompiledStep(self.newton, TOLERANCE) if CompiledStep.takes(model) else None
+        self._compiled = self.newton.compiled
         self._dampers = [term for term in model.terms if getattr(term, "internal", False)]
         self._damping = [
             np.sum([d.coefficients(model.space, k) for d in self._dampers], axis=0)  # type: ignore[attr-defined]
@@ -396,16 +396,14 @@ class Run:
         )  # fmt: skip
         offset = None if self.impact is None else self.impact.enter(inertia, self.grip, late)
         for acceleration in (0.5, 0.0):  # unresolved vibrations make b a bad guess
-            solved = self._solve(h * rates.v + acceleration * h * h * rates.b, t1, inertia, driven, offset)
+            solved = self._solve(h * rates.v + acceleration * h * h * rates.b, t1, inertia, offset)
             if solved.converged:
                 break
         if solved.converged and self.impact is not None:
             solved = self.impact.leave(inertia, self.grip, solved)
         return solved, inertia
 
-    def _solve(
-        self, D: np.ndarray, t1: float, inertia: InertiaStep, driven: Driven, offset: np.ndarray | None
-    ) -> Solved:
+    def _solve(self, D: np.ndarray, t1: float, inertia: InertiaStep, offset: np.ndarray | None) -> Solved:
         """The step from the prediction D (N, 6)."""
         model = self.model
         stress = model.internal.extrapolate(self.state, model.space, D, 1.0, inertia.tables)
@@ -413,15 +411,13 @@ class Run:
             start = self.state.at_time(t1)
             guess, part = self.newton.approach.move(start, D, 1.0, stiffen=False)
             memory = tuple(a + part * (b - a) for a, b in zip(start.stress, stress, strict=True))
-            return self.newton.in_time(replace(guess, stress=memory), inertia, TOLERANCE, offset)
+            return self.newton.in_time(replace(guess, stress=memory), inertia, TOLERANCE, part * D[:, :3], offset)
         guess = model.space.update(self.state, D, 1.0, stress).at_time(t1)
-        if self._compiled is not None:
-            return self._compiled.solve(guess, D[:, :3].copy(), inertia, driven)
-        return self.newton.in_time(guess, inertia, TOLERANCE)
+        return self.newton.in_time(guess, inertia, TOLERANCE, D[:, :3])
 
     def _make(self, solved: Solved, inertia: InertiaStep, h: float, t1: float) -> Made:
         """What a converged step does, before it is taken: works, forces and memories."""
-        loads = None if self._compiled is None else self._compiled.each
+        loads = None if self._compiled is None else self._compiled.loads
         solved = self.newton.accepted(solved, in_time=True)
         work = dict.fromkeys(self.work, 0.0)
         stored, added = self._add_contact_work(work, solved, inertia, t1)

@@ -21,6 +21,7 @@ from scipy.sparse import coo_matrix, csc_matrix
 from .constraint import Constraints
 from .errors import SceneError, nearest
 from .mechanism import Part
+from .plane import AXES, choose_plane
 from .rod import Rod
 from .space import Blocks, Space, State
 from .support import Clamp, Pin, Support, Weld
@@ -90,9 +91,17 @@ class Model:
     rotation : "quaternion" or "kardan"
         Interpolation of the rotations. "kardan" uses the angles (psi, theta, phi) of the source paper: singular where
         a rod points along x, not objective; for comparison.
+    plane : "xy", "yz", "xz" or "auto", optional
+        The scene stays in a plane parallel to this one: three unknowns a node instead of six, and the same results. What
+        leaves it is an error; with "auto" the model is then one in space. A planar model sees no motion out of its plane,
+        nor that an equilibrium would leave it; see `stability.out_of_plane`.
 
     Attributes
     ----------
+    plane : Plane or None
+        The plane in which the model is solved.
+    plane_choice : str
+        Why it is that one, or none.
     warnings : list of str
         What the model's user should know; also logged.
 
@@ -111,7 +120,10 @@ class Model:
         terms: Sequence[Term] = (),
         *,
         rotation: Literal["quaternion", "kardan"] = "quaternion",
+        plane: Literal["xy", "yz", "xz", "auto"] | None = None,
     ) -> None:
+        if plane not in (None, "auto", *AXES):
+            raise ValueError(f"model: plane must be None, 'auto', 'xy', 'yz' or 'xz' (got {plane!r}).")
         if rotation not in ("quaternion", "kardan"):
             raise ValueError(f"model: rotation must be 'quaternion' or 'kardan' (got {rotation!r}).")
         for name, given, kind in (
@@ -137,6 +149,8 @@ class Model:
         self.internal: InternalForce = QuaternionBeam() if rotation == "quaternion" else KardanBeam()
         self.constraints = Constraints(self.space, self.supports, self.welds)
         self.symmetric = all(term.symmetric for term in self.terms)
+        self._wanted_plane = plane
+        self.plane, self.plane_choice = choose_plane(plane, self.space, self.constraints, self.terms)
         self.warnings: list[str] = []
         if any(getattr(term, "needs_mass", False) for term in self.terms):
             for rod in self.rods:
@@ -151,6 +165,7 @@ class Model:
         other.terms = tuple(terms)
         other.contacts = tuple(term for term in terms if getattr(term, "contact", False))
         other.symmetric = all(term.symmetric for term in terms)
+        other.plane, other.plane_choice = choose_plane(self._wanted_plane, self.space, self.constraints, other.terms)
         other.warnings = []
         return other
 
@@ -220,6 +235,8 @@ class Model:
             raise ValueError("start: must be a State of this model: `history.final` of a run with the same elements.")
         if not (np.isfinite(state.r).all() and np.isfinite(state.q).all()):
             raise ValueError("start: holds places or rotations that are not finite.")
+        if self.plane is not None:
+            self.plane.check_state(state)
 
     def external(self, state: State, *, tangent: bool, exact: bool = True, push: np.ndarray | None = None) -> External:
         """All terms but the internal force. exact: contact with its full tangent, not only its positive part; push (N, 6):
@@ -390,7 +407,7 @@ class Model:
         for rods, rows in self._components():
             center = np.mean([rod.drawn(np.array([0.0, rod.length])).mean(0) for rod in rods], axis=0)
             size = max(rod.drawn_length for rod in rods)
-            conditions = [np.zeros((0, 6))]
+            conditions = [np.zeros((0, 6)) if self.plane is None else np.eye(6)[self.plane.out_of_plane]]
             targets = self.constraints.targets(max((part.drawn_at for part in self.parts), default=0.0))
             state = self.initial_state()
             for row in rows:
@@ -401,8 +418,9 @@ class Model:
                 spin = np.block([[axes.T, -axes.T @ cross], [np.zeros((3, 3)), axes.T]])
                 conditions.append(spin[self.constraints.held[row]])
             A = np.concatenate(conditions)
+            held = len(A) > len(conditions[0])
             names = " and ".join(repr(rod.name) for rod in rods[:3]) + (" ..." if len(rods) > 3 else "")
-            if not len(A):
+            if not held:
                 found.append((f"rod {names} has no support", True))
                 continue
             # translations first, so that they are told as such, then what else the conditions leave
