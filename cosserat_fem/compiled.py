@@ -17,7 +17,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from .constraint import Targets
-from .kernels import chain
+from .kernels import chain, planar
 from .kernels.beam import LANES
 from .kernels.step import newton
 from .linear import segments_of
@@ -143,7 +143,9 @@ class InPlane(InSpace):
     size = chain.PLANE
 
     def __init__(self, model: Model) -> None:
-        self.plane: Plane = model.plane  # type: ignore[assignment]
+        plane = self.plane = model.plane  # type: ignore[assignment]
+        node = np.ascontiguousarray(model.space.groups[0].packed_conn[:, 0])
+        self._place = (plane.axes, plane.base, node, plane.across, plane.normal)
         super().__init__(model)
         n = self.plane.normal
         self.J = (model.space.node_inertia * n * n).sum(axis=1, keepdims=True)
@@ -169,7 +171,7 @@ class InPlane(InSpace):
     def project(self, tables: Tables) -> Tables:
         N_s, dx, C, C_full, reference = tables
         a, n = self._directions
-        planar = np.empty((*C.shape[:2], 6, LANES))
+        flat = np.empty((*C.shape[:2], 6, LANES))
         full = None if C_full is None else C_full.reshape(*C.shape[:2], 6, 6, LANES)
         C = C.reshape(*C.shape[:2], 6, LANES)
 
@@ -178,24 +180,23 @@ class InPlane(InSpace):
                 return C[:, :, i]
             return 0.0 if full is None else full[:, :, i, j]
 
-        planar[:, :, 0] = entry(2, 2)
-        planar[:, :, 1] = entry(2, 0) * a[0] + entry(2, 1) * a[1]
-        planar[:, :, 2] = entry(2, 3) * n[0] + entry(2, 4) * n[1]
-        planar[:, :, 3] = entry(0, 0) * a[0] ** 2 + entry(1, 1) * a[1] ** 2 + 2 * entry(0, 1) * a[0] * a[1]
-        planar[:, :, 4] = sum(entry(i, 3 + j) * a[i] * n[j] for i in range(2) for j in range(2))
-        planar[:, :, 5] = entry(3, 3) * n[0] ** 2 + entry(4, 4) * n[1] ** 2 + 2 * entry(3, 4) * n[0] * n[1]
-        flat = planar.reshape(*planar.shape[:2], -1)
-        return N_s, dx, flat, None, self.memory(reference)
+        flat[:, :, 0] = entry(2, 2)
+        flat[:, :, 1] = entry(2, 0) * a[0] + entry(2, 1) * a[1]
+        flat[:, :, 2] = entry(2, 3) * n[0] + entry(2, 4) * n[1]
+        flat[:, :, 3] = entry(0, 0) * a[0] ** 2 + entry(1, 1) * a[1] ** 2 + 2 * entry(0, 1) * a[0] * a[1]
+        flat[:, :, 4] = sum(entry(i, 3 + j) * a[i] * n[j] for i in range(2) for j in range(2))
+        flat[:, :, 5] = entry(3, 3) * n[0] ** 2 + entry(4, 4) * n[1] ** 2 + 2 * entry(3, 4) * n[0] * n[1]
+        return N_s, dx, flat.reshape(*C.shape[:2], -1), None, self._strains(reference)
 
     @property
     def _directions(self) -> tuple[np.ndarray, np.ndarray]:
         """Directions across and normal (2, P, 1, LANES) in the sections of each element."""
-        node = self.group.packed_conn[:, 0]
+        node = self._place[2]
         across, normal = (np.moveaxis(d[node][..., :2], -1, 0)[:, :, None] for d in (self.plane.across, self.plane.normal))
         return across, normal
 
-    def memory(self, values: np.ndarray) -> np.ndarray:
-        """Stretch, shear, bend (P, Q, 3 * LANES) of strains or stresses (P, Q, 6 * LANES)."""
+    def _strains(self, values: np.ndarray) -> np.ndarray:
+        """Stretch, shear, bend (P, Q, 3 * LANES) of strains (P, Q, 6 * LANES)."""
         a, n = self._directions
         rows = values.reshape(*values.shape[:2], 6, LANES)
         out = np.empty((*values.shape[:2], 3, LANES))
@@ -204,28 +205,16 @@ class InPlane(InSpace):
         out[:, :, 2] = rows[:, :, 3] * n[0] + rows[:, :, 4] * n[1]
         return out.reshape(*values.shape[:2], -1)
 
-    def memory_in_space(self, values: np.ndarray) -> np.ndarray:
-        """The inverse of `memory`, with leading axes as they are."""
-        a, n = self._directions
-        lead = values.shape[:-1]
-        rows = values.reshape(*lead, 3, LANES)
-        out = np.zeros((*lead, 6, LANES))
-        out[..., 0, :], out[..., 1, :] = rows[..., 1, :] * a[0], rows[..., 1, :] * a[1]
-        out[..., 2, :] = rows[..., 0, :]
-        out[..., 3, :], out[..., 4, :] = rows[..., 2, :] * n[0], rows[..., 2, :] * n[1]
-        return out.reshape(*lead, -1)
-
     def take(self, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        plane = self.plane
-        p = plane.numbers(state.q)
-        p /= np.linalg.norm(p, axis=1, keepdims=True)
-        return plane.flat(state.r), p, self.memory(state.stress[0])
+        n, stress = len(state.r), state.stress[0]
+        flat, p, sigma = np.empty((n, 2)), np.empty((n, 2)), np.empty((*stress.shape[:2], 3 * LANES))
+        planar.enter(*self._place, state.r, state.q, stress, flat, p, sigma)
+        return flat, p, sigma
 
     def give(self, state: State, r: np.ndarray, q: np.ndarray, sigma: np.ndarray) -> State:
-        plane = self.plane
-        return replace(
-            state, r=plane.place(state.r, r), q=plane.quaternions(q), stress=(self.memory_in_space(sigma),)
-        )  # fmt: skip
+        place, turned, stress = state.r.copy(), np.empty_like(state.q), np.empty((*sigma.shape[:2], 6 * LANES))
+        planar.leave(*self._place, r, q, sigma, place, turned, stress)
+        return replace(state, r=place, q=turned, stress=(stress,))
 
     def holds(self, t: float, targets: Targets | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if self.plane.watched:
@@ -275,15 +264,14 @@ class InPlane(InSpace):
 
 def border(model: Model) -> InSpace:
     """The border of a model, made once."""
-    kind = InSpace if model.plane is None else InPlane
-    return model.space.remember(("border", model.plane), lambda: kind(model))
+    return InSpace(model) if model.plane is None else InPlane(model)
 
 
 class Compiled:
     """Newton solves of one model, each in one compiled call. Holds scratch: reused over calls, never shared."""
 
     def __init__(self, model: Model) -> None:
-        self.model, self.border = model, border(model)
+        self.model, self.border = model, model.remember(border)
         b, space = self.border, model.space
         d, N, E = len(b.size), space.n_nodes, b.group.n_elements
         self._with_joints = b.n_joints > 0

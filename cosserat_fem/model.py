@@ -149,6 +149,7 @@ class Model:
         self.internal: InternalForce = QuaternionBeam() if rotation == "quaternion" else KardanBeam()
         self.constraints = Constraints(self.space, self.supports, self.welds)
         self.symmetric = all(term.symmetric for term in self.terms)
+        self._memo: dict[Any, Any] = {}
         self._wanted_plane = plane
         self.plane, self.plane_choice = choose_plane(plane, self.space, self.constraints, self.terms)
         self.warnings: list[str] = []
@@ -159,6 +160,12 @@ class Model:
                         f"rod {rod.name!r}: has no mass, so gravity does not act on it. Give its section a density."
                     )
 
+    def remember(self, make: Callable[[Model], Any]) -> Any:
+        """Return make(model), made once for this model."""
+        if make not in self._memo:
+            self._memo[make] = make(self)
+        return self._memo[make]
+
     def with_terms(self, terms: Sequence[Term]) -> Model:
         """The same rods and supports with other terms."""
         other = copy(self)
@@ -166,7 +173,7 @@ class Model:
         other.contacts = tuple(term for term in terms if getattr(term, "contact", False))
         other.symmetric = all(term.symmetric for term in terms)
         other.plane, other.plane_choice = choose_plane(self._wanted_plane, self.space, self.constraints, other.terms)
-        other.warnings = []
+        other.warnings, other._memo = [], {}
         return other
 
     def _check_members(self) -> None:

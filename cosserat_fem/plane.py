@@ -57,16 +57,6 @@ class Plane:
         P = multiply(q, conjugate(self.base[nodes]))
         return np.ascontiguousarray(P[:, [0, 1 + self.axes[2]]])
 
-    def quaternions(self, p: np.ndarray) -> np.ndarray:
-        """Quaternions (..., N, 4) of all nodes from exp(i theta / 2) (..., N, 2)."""
-        b, k = self.base, self.axes[2]
-        turned = np.empty_like(b)  # (0, normal) o base
-        turned[:, 0] = -b[:, 1 + k]
-        turned[:, 1 + k] = b[:, 0]
-        i, j = self.axes[:2]
-        turned[:, 1 + i], turned[:, 1 + j] = -b[:, 1 + j], b[:, 1 + i]
-        return p[..., :1] * b + p[..., 1:] * turned
-
     def flat(self, vectors: np.ndarray) -> np.ndarray:
         """Components (..., 2) in the plane of vectors in space (..., 3)."""
         return np.ascontiguousarray(vectors[..., self.axes[:2]])
@@ -83,13 +73,6 @@ class Plane:
         out = np.zeros((*values.shape[:-1], 6))
         out[..., self.axes[0]], out[..., self.axes[1]] = values[..., 0], values[..., 1]
         out[..., 3:] = values[..., 2:] * self.normal[nodes]
-        return out
-
-    def place(self, r: np.ndarray, flat: np.ndarray) -> np.ndarray:
-        """Places r (N, 3) with other components (..., N, 2) in the plane."""
-        out = np.empty((*flat.shape[:-1], 3))
-        out[..., self.axes[0]], out[..., self.axes[1]] = flat[..., 0], flat[..., 1]
-        out[..., self.axes[2]] = r[:, self.axes[2]]
         return out
 
     def loads(self, table: NodalLoads) -> tuple[np.ndarray, np.ndarray]:

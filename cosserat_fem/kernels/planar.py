@@ -52,11 +52,12 @@ def interpolate(N, N_s, node, S):
         S[l] = 0.0
     for a in range(N.shape[0]):
         n, oa, on = N[a], at(a), at(4 * a)
-        for l in range(U1):
-            b = N_s[oa + l]
-            c, s = node[on + l + U2], node[on + l + U2 + U1]
-            S[0 * LANES + l] += b * node[on + l]
-            S[1 * LANES + l] += b * node[on + l + U1]
+        for l in range(LANES):
+            u = np.uint64(l)
+            b = N_s[oa + u]
+            c, s = node[on + u + U2], node[on + u + U2 + U1]
+            S[0 * LANES + l] += b * node[on + u]
+            S[1 * LANES + l] += b * node[on + u + U1]
             S[2 * LANES + l] += n * c
             S[3 * LANES + l] += n * s
             S[4 * LANES + l] += b * c
@@ -124,22 +125,24 @@ def generalized_force(M, T, dx, F):
 @inner
 def relative_number(M, node, on, c, oc):
     """c = p_a / P, two rows of c from offset oc; node from offset on."""
-    for l in range(U1):
+    for l in range(LANES):
+        u = np.uint64(l)
         i2, p0, p1 = M[6 * LANES + l], M[7 * LANES + l], M[8 * LANES + l]
-        a0, a1 = node[on + l + U2], node[on + l + U2 + U1]
-        c[oc + l] = i2 * (p0 * a0 + p1 * a1)
-        c[oc + l + U1] = i2 * (p0 * a1 - p1 * a0)
+        a0, a1 = node[on + u + U2], node[on + u + U2 + U1]
+        c[oc + u] = i2 * (p0 * a0 + p1 * a1)
+        c[oc + u + U1] = i2 * (p0 * a1 - p1 * a0)
 
 
 @inner
 def add_node_force(N, N_s, oa, c, oc, F, G, og):
     """Add one Gauss point's force and moment at one node: G three rows from offset og."""
-    for l in range(U1):
-        b, c0, c1 = N_s[oa + l], c[oc + l], c[oc + l + U1]
-        G[og + l] += b * F[0 * LANES + l]
-        G[og + l + U1] += b * F[1 * LANES + l]
+    for l in range(LANES):
+        u = np.uint64(l)
+        b, c0, c1 = N_s[oa + u], c[oc + u], c[oc + u + U1]
+        G[og + u] += b * F[0 * LANES + l]
+        G[og + u + U1] += b * F[1 * LANES + l]
         h = c0 * (N * F[3 * LANES + l] + b * F[4 * LANES + l]) - c1 * N * F[2 * LANES + l]
-        G[og + l + U2] += h
+        G[og + u + U2] += h
 
 
 @inner
@@ -159,8 +162,9 @@ def x_stiffness(M, C, dx, D):
 def tangent_column(N, N_s, oa, c, oc, M, sigma, C, dx, V):
     """What one node's rotation does at a Gauss point: the change of the gradient for x (rows 0, 1, in space), rho, omega,
     zeta0, Y (rows 2 to 5), material (C) and geometric (stress memory sigma)."""
-    for l in range(U1):
-        w, b, c0, c1 = dx[l], N_s[oa + l], c[oc + l], c[oc + l + U1]
+    for l in range(LANES):
+        u = np.uint64(l)
+        w, b, c0, c1 = dx[l], N_s[oa + u], c[oc + u], c[oc + u + U1]
         rho, omega, zeta, Y = -N * c1, N * c0, -b * c1, b * c0
         G0, G1, K, s = M[2 * LANES + l], M[3 * LANES + l], M[4 * LANES + l], M[5 * LANES + l]
         n0, n1, m = w * sigma[0 * LANES + l], w * sigma[1 * LANES + l], w * sigma[2 * LANES + l]
@@ -182,44 +186,46 @@ def tangent_column(N, N_s, oa, c, oc, M, sigma, C, dx, V):
 
 
 @inner
-def add_x_rotation(N_s, oa, V, X, o0, o1):
-    """Add the force rows of node a under a rotation: one column of X, offsets of its two rows."""
-    for l in range(U1):
-        b = N_s[oa + l]
-        X[o0 + l] += b * V[0 * LANES + l]
-        X[o1 + l] += b * V[1 * LANES + l]
+def add_upper(N, N_s, oa, oe, c, oc, V, D, X, x0, x1, t):
+    """Add one block on or above the diagonal, but for its row of the moment under displacements.
 
-
-@inner
-def add_x_x(N_s, oa, ob, D, X, o0, o1):
-    """Add the force rows of node a under the displacement of node b: two columns of X, offsets of its two rows."""
-    for l in range(U1):
-        w = N_s[oa + l] * N_s[ob + l]
+    N, oa, oc: node of the rows; oe: of the columns; x0, x1, t: offsets of its rows of the force and of its row of the moment.
+    """
+    for l in range(LANES):
+        u = np.uint64(l)
+        b, c0, c1 = N_s[oa + u], c[oc + u], c[oc + u + U1]
+        w = b * N_s[oe + u]
         d1 = w * D[1 * LANES + l]
-        X[o0 + l] += w * D[0 * LANES + l]
-        X[o0 + l + U1] += d1
-        X[o1 + l] += d1
-        X[o1 + l + U1] += w * D[2 * LANES + l]
+        X[x0 + u] += w * D[0 * LANES + l]
+        X[x0 + u + U1] += d1
+        X[x0 + u + U2] += b * V[0 * LANES + l]
+        X[x1 + u] += d1
+        X[x1 + u + U1] += w * D[2 * LANES + l]
+        X[x1 + u + U2] += b * V[1 * LANES + l]
+        entry = N * (c0 * V[3 * LANES + l] - c1 * V[2 * LANES + l])
+        X[t + u + U2] += entry + b * (c0 * V[5 * LANES + l] - c1 * V[4 * LANES + l])
 
 
 @inner
-def add_rotation_rotation(N, N_s, oa, c, oc, V, X, o):
-    """Add the moment row of node a under a rotation: one entry of X."""
-    for l in range(U1):
-        b, c0, c1 = N_s[oa + l], c[oc + l], c[oc + l + U1]
-        entry = N * (c0 * V[3 * LANES + l] - c1 * V[2 * LANES + l])
-        X[o + l] += entry + b * (c0 * V[5 * LANES + l] - c1 * V[4 * LANES + l])
+def add_turned(N_s, oa, V, X, t):
+    """Add the moment of a node under the displacement of another one: what symmetry gives of the force under the turn."""
+    for l in range(LANES):
+        u = np.uint64(l)
+        b = N_s[oa + u]
+        X[t + u] += b * V[0 * LANES + l]
+        X[t + u + U1] += b * V[1 * LANES + l]
 
 
 @inner
 def add_update_curvature(N, N_s, oa, c, oc, M, sigma, dx, X, o):
     """Subtract the second order of p exp(i phi / 2) under the gradient of the stress memory."""
-    for l in range(U1):
-        w, b, c0, c1 = dx[l], N_s[oa + l], c[oc + l], c[oc + l + U1]
+    for l in range(LANES):
+        u = np.uint64(l)
+        w, b, c0, c1 = dx[l], N_s[oa + u], c[oc + u], c[oc + u + U1]
         n0, n1, m = w * sigma[0 * LANES + l], w * sigma[1 * LANES + l], w * sigma[2 * LANES + l]
         rho = -0.5 * m * M[4 * LANES + l]
         omega = n0 * M[3 * LANES + l] - n1 * M[2 * LANES + l] - 0.5 * m * M[5 * LANES + l]
-        X[o + l] -= 0.5 * (N * (c0 * rho + c1 * omega) + b * c1 * m)
+        X[o + u] -= 0.5 * (N * (c0 * rho + c1 * omega) + b * c1 * m)
 
 
 @inner
@@ -229,20 +235,11 @@ def place_of(a, A):
 
 
 @inner
-def mirror(A, X):
-    """Fill what symmetry gives: entries (theta, r) of all blocks, and blocks (a, b) with a < b."""
-    n = 3 * A
-    for a in range(A):
-        i = place_of(a, A)
-        for b in range(A):
-            j = place_of(b, A)
-            for d in range(2):
-                copy_lanes(X, at((i + d) * n + j + 2), X, at((j + 2) * n + i + d))
-            if a > b:
-                copy_lanes(X, at((i + 2) * n + j + 2), X, at((j + 2) * n + i + 2))
-                for d in range(2):
-                    for e in range(2):
-                        copy_lanes(X, at((i + d) * n + j + e), X, at((j + e) * n + i + d))
+def mirror(n, X):
+    """Fill what stands below the diagonal."""
+    for i in range(n):
+        for j in range(i):
+            copy_lanes(X, at(j * n + i), X, at(i * n + j))
 
 
 @inner
@@ -288,29 +285,81 @@ def subtract_three(f, fo, source, so, target, to):
 
 
 @inner
+def subtract_three_rows(f, source, s0, s1, s2, target, to):
+    """target -= f0 source0 + f1 source1 + f2 source2 for three columns; f flat (3)."""
+    for l in range(U1):
+        f0, f1, f2 = f[l], f[l + U1], f[l + U2]
+        a = f0 * source[s0 + l] + f1 * source[s1 + l] + f2 * source[s2 + l]
+        b = f0 * source[s0 + l + U1] + f1 * source[s1 + l + U1] + f2 * source[s2 + l + U1]
+        c = f0 * source[s0 + l + U2] + f1 * source[s1 + l + U2] + f2 * source[s2 + l + U2]
+        target[to + l] -= a
+        target[to + l + U1] -= b
+        target[to + l + U2] -= c
+
+
+@inner
+def factors(X, s0, s1, s2, inverse, f):
+    """f = three columns of X times the inverse pivots, three rows each."""
+    for l in range(U1):
+        f[l] = inverse[l] * X[s0 + l]
+        f[l + U1] = inverse[l + U1] * X[s1 + l]
+        f[l + U2] = inverse[l + U2] * X[s2 + l]
+
+
+@inner
+def lower_factors(X, k, i, n, inverse, f):
+    """As `factors`, of row i of a matrix that is not symmetric, the rows k, k + 1, k + 2 being eliminated already."""
+    x0, x1, x2 = at(i * n + k), at(i * n + k + 1), at(i * n + k + 2)
+    u1, u2, v2 = at(k * n + k + 1), at(k * n + k + 2), at((k + 1) * n + k + 2)
+    for l in range(U1):
+        f0 = inverse[l] * X[x0 + l]
+        f1 = inverse[l + U1] * (X[x1 + l] - f0 * X[u1 + l])
+        f[l], f[l + U1] = f0, f1
+        f[l + U2] = inverse[l + U2] * (X[x2 + l] - f0 * X[u2 + l] - f1 * X[v2 + l])
+
+
+@inner
+def subtract_rhs(f, b, k, i):
+    """b_i -= f0 b_k + f1 b_k+1 + f2 b_k+2."""
+    o, s = at(i), at(k)
+    for l in range(U1):
+        b[o + l] -= f[l] * b[s + l] + f[l + U1] * b[s + l + U1] + f[l + U2] * b[s + l + U2]
+
+
+@inner
 def condense_pack(count, n_interior, X, b, f, symmetric):
-    """As `condense.condense_pack`, columns in blocks of three. f: scratch (n). Returns the number of negative pivots."""
+    """As `condense.condense_pack`, three unknowns at a time. f: scratch (3). Returns the number of negative pivots."""
     n = n_interior + 6
-    inverse = np.empty(LANES)
+    inverse = np.empty(3 * LANES)
     negative = 0
-    for k in range(n_interior):
-        pivot = X[(k * n + k) * LANES :]
-        for lane in range(count):
-            if pivot[lane] < 0.0:
-                negative += 1
-        for l in range(LANES):
-            inverse[l] = 1.0 / pivot[l]
+    for k in range(0, n_interior, 3):
         block = k // 3
-        for i in range(k + 1, n):
-            o, source = at(i), at(k * n + i if symmetric else i * n + k)
+        for m in range(3):
+            pivot, io = at((k + m) * n + k + m), at(m)
+            for lane in range(count):
+                if X[pivot + np.uint64(lane)] < 0.0:
+                    negative += 1
             for l in range(U1):
-                f[o + l] = inverse[l] * X[source + l]
-        for i in range(k + 1, n):
-            for c in range(i // 3 if symmetric else block, n // 3):
-                subtract_three(f, at(i), X, at(k * n + 3 * c), X, at(i * n + 3 * c))
-            o, source = at(i), at(k)
-            for l in range(U1):
-                b[o + l] -= f[o + l] * b[source + l]
+                inverse[io + l] = 1.0 / X[pivot + l]
+            for i in range(m + 1, 3):
+                source = at((k + m) * n + k + i if symmetric else (k + i) * n + k + m)
+                for l in range(U1):
+                    f[l] = inverse[io + l] * X[source + l]
+                for c in range(block, n // 3):
+                    subtract_three(f, at(0), X, at((k + m) * n + 3 * c), X, at((k + i) * n + 3 * c))
+                o, source = at(k + i), at(k + m)
+                for l in range(U1):
+                    b[o + l] -= f[l] * b[source + l]
+        for i in range(k + 3, n):
+            if symmetric:
+                factors(X, at(k * n + i), at((k + 1) * n + i), at((k + 2) * n + i), inverse, f)
+            else:
+                lower_factors(X, k, i, n, inverse, f)
+            for c in range(i // 3 if symmetric else block + 1, n // 3):
+                subtract_three_rows(
+                    f, X, at(k * n + 3 * c), at((k + 1) * n + 3 * c), at((k + 2) * n + 3 * c), X, at(i * n + 3 * c)
+                )
+            subtract_rhs(f, b, k, i)
     return negative
 
 
@@ -392,7 +441,7 @@ def assemble(
     node, S_, M = np.empty(4 * A * LANES), np.empty(6 * LANES), np.empty(KINEMATIC_ROWS * LANES)
     T, F, D, V = np.empty(3 * LANES), np.empty(5 * LANES), np.empty(3 * LANES), np.empty(COLUMN_ROWS * LANES)
     c, G, X = np.empty(2 * A * LANES), np.empty(3 * A * LANES), np.empty(n * n * LANES)
-    b, f, largest = np.empty(n * LANES), np.empty(n * LANES), np.zeros(2 * LANES)
+    b, f, largest = np.empty(n * LANES), np.empty(3 * LANES), np.zeros(2 * LANES)
     negative = 0
     for k in range(conn.shape[0]):
         first = k * LANES
@@ -412,18 +461,20 @@ def assemble(
                 relative_number(M, node, at(4 * a), c, at(2 * a))
                 add_node_force(N[i, a], slope, at(a), c, at(2 * a), F, G, at(3 * a))
             for e in range(A):
-                column = place_of(e, A)
-                tangent_column(N[i, e], slope, at(e), c, at(2 * e), M, memory, stiffness, weight, V)
+                column, oe = place_of(e, A), at(e)
+                tangent_column(N[i, e], slope, oe, c, at(2 * e), M, memory, stiffness, weight, V)
                 for a in range(A):
                     row = place_of(a, A)
-                    add_x_rotation(slope, at(a), V, X, at(row * n + column + 2), at((row + 1) * n + column + 2))
-                    if a >= e:
-                        add_x_x(slope, at(a), at(e), D, X, at(row * n + column), at((row + 1) * n + column))
-                        add_rotation_rotation(N[i, a], slope, at(a), c, at(2 * a), V, X, at((row + 2) * n + column + 2))
+                    if row <= column:
+                        x = row * n + column
+                        add_upper(N[i, a], slope, at(a), oe, c, at(2 * a), V, D, X, at(x), at(x + n), at(x + 2 * n))
+                    if row >= column:  # also in a block on the diagonal
+                        add_turned(slope, at(a), V, X, at((column + 2) * n + row))
                 add_update_curvature(
-                    N[i, e], slope, at(e), c, at(2 * e), M, memory, weight, X, at((column + 2) * n + column + 2)
+                    N[i, e], slope, oe, c, at(2 * e), M, memory, weight, X, at((column + 2) * n + column + 2)
                 )
-        mirror(A, X)
+        if matrices.shape[0] > 0 or not symmetric:
+            mirror(n, X)
         scatter_nodes(conn[k], count, G, g)
         if matrices.shape[0] > 0:
             for i in range(n):
@@ -601,3 +652,52 @@ def step_inertia(mass, J, a, coefficients, g, nodal):
             nodal[k, 1, 1] += grows * m
             nodal[k, 2, 2] += grows * J[k, 0]
     return force, moment
+
+
+# border
+
+
+@kernel
+def enter(axes, base, node, across, normal, r, q, stress, flat, p, sigma):
+    """Write place (N, 2), complex number (N, 2) and stress memory (P, Q, 3 * LANES) of a state in space.
+
+    axes: numbers of the two axes of the plane and of its normal; base (N, 4): constant part of the quaternions; node
+    (P, LANES): a node of each element; across, normal (N, 3): directions in its section's axes.
+    """
+    i, j, k = axes
+    for m in range(q.shape[0]):
+        flat[m, 0], flat[m, 1] = r[m, i], r[m, j]
+        a, b = q[m], base[m]
+        c = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+        s = a[1 + k] * b[0] - a[0] * b[1 + k] - a[1 + i] * b[1 + j] + a[1 + j] * b[1 + i]
+        f = 1.0 / np.sqrt(c * c + s * s)
+        p[m, 0], p[m, 1] = f * c, f * s
+    for m in range(sigma.shape[0]):
+        for o in range(sigma.shape[1]):
+            T, out = stress[m, o], sigma[m, o]
+            for l in range(LANES):
+                a, n = across[node[m, l]], normal[node[m, l]]
+                out[l] = T[2 * LANES + l]
+                out[LANES + l] = T[l] * a[0] + T[LANES + l] * a[1]
+                out[2 * LANES + l] = T[3 * LANES + l] * n[0] + T[4 * LANES + l] * n[1]
+
+
+@kernel
+def leave(axes, base, node, across, normal, flat, p, sigma, r, q, stress):
+    """The inverse of `enter`; the component of r along the normal stands already."""
+    i, j, k = axes
+    for m in range(q.shape[0]):
+        r[m, i], r[m, j] = flat[m, 0], flat[m, 1]
+        c, s, b = p[m, 0], p[m, 1], base[m]
+        q[m, 0] = c * b[0] - s * b[1 + k]
+        q[m, 1 + k] = c * b[1 + k] + s * b[0]
+        q[m, 1 + i] = c * b[1 + i] - s * b[1 + j]
+        q[m, 1 + j] = c * b[1 + j] + s * b[1 + i]
+    for m in range(sigma.shape[0]):
+        for o in range(sigma.shape[1]):
+            T, out = sigma[m, o], stress[m, o]
+            for l in range(LANES):
+                a, n = across[node[m, l]], normal[node[m, l]]
+                out[l], out[LANES + l], out[2 * LANES + l] = T[LANES + l] * a[0], T[LANES + l] * a[1], T[l]
+                bend = T[2 * LANES + l]
+                out[3 * LANES + l], out[4 * LANES + l], out[5 * LANES + l] = bend * n[0], bend * n[1], 0.0
