@@ -65,7 +65,7 @@ def takes(model: Model) -> bool:
 class InSpace:
     """Arrays of a model in space, as the kernel takes them."""
 
-    size = chain.SPACE
+    size, kind = chain.SPACE, (True, None)
 
     def __init__(self, model: Model) -> None:
         space, c = model.space, model.constraints
@@ -140,7 +140,7 @@ class InSpace:
 class InPlane(InSpace):
     """Arrays of a model that stays in a plane."""
 
-    size = chain.PLANE
+    size, kind = chain.PLANE, (None, True)
 
     def __init__(self, model: Model) -> None:
         plane = self.plane = model.plane  # type: ignore[assignment]
@@ -359,7 +359,7 @@ class Compiled:
         """One call of the kernel; `at`: place, attitude and stress memory, ours to be changed."""
         b, g = self.border, np.empty_like(self._du)
         status, k, solves, checks, residual, where, negative = newton(
-            b.size, (*b.beam, *tables, b.owner, b.shift), self.linear, (*b.rows, *b.holds(state.t, targets), *b.followers),
+            b.size, *b.kind, (*b.beam, *tables, b.owner, b.shift), self.linear, (*b.rows, *b.holds(state.t, targets), *b.followers),
             inertia, table, offset, self._limits(*wanted), controls, moved, *at,
             (g, nodal, self._du, *made, self.each, self._R, self._gap),
         )  # fmt: skip
@@ -374,6 +374,77 @@ class Compiled:
             tolerance, length, element, force + ROUND_OFF * heaviest[0] * size, moment + ROUND_OFF * heaviest[1],
             1e-12 * size, stiffness,
         )  # fmt: skip
+
+
+    def run(
+        self, start: Moving, t: list[float], h: list[float], keep: list[bool], method: tuple[float, ...], tolerance: float
+    ) -> tuple[int, list[Moving]]:
+        """Steps of lengths h [s] to the times t, one after the other in one call, as far as they converge.
+
+        Returns how many were made, and the states that were to be kept, with the last one at the end. method: am, af, beta,
+        gamma of the integrator. Loads and moving parts are evaluated before the call.
+        """
+        b, model, d = self.border, self.model, len(self.border.size)
+        loads = self._loads_at(t)
+        places, place_of = self._places_at(t)
+        *_, T = b.holds(t[0], None)
+        r, q, sigma = b.take(start.state)
+        n, N, L, K = len(t), len(r), len(loads[0][0]), sum(keep)
+        rates = [np.array(b.rates(getattr(start.rates, name))) for name in "vab"]
+        state = (r, q, sigma, *rates, np.array(b.rates(start.g)), np.array(b.loads_in(start.loads, loads[0][0])))
+        kept = (
+            np.empty((K, *r.shape)), np.empty((K, *q.shape)), np.empty((K, *sigma.shape)), *np.empty((4, K, N, d)),
+            np.empty((K, L + 1)), np.empty((K, 2)),
+        )  # fmt: skip
+        work, made_arrays = np.zeros(L + 1), np.empty((4, N, d))
+        heaviest = model.space.heaviest
+        made, iterations, checks, last, n_kept = run_steps(
+            b.size, *b.kind, (*b.beam, *b.tables, b.owner, b.shift), self.linear, (*b.rows, T, *b.followers), places,
+            (b.mass, b.J, heaviest[0], float(b.J.max()), self._scales[2]), loads[0],
+            self._limits(tolerance, (0.0, 0.0)), method,
+            (start.h, np.array(h), loads[1], place_of, np.array(keep)), state, work, kept,
+            (np.empty((N, d)), self._nodal, self._du, *made_arrays, np.empty((L, d)), self._R, self._gap, np.empty_like(r),
+             np.empty_like(q), np.empty_like(sigma), np.empty_like(r), np.empty((N, d)), np.empty(5)),
+        )  # fmt: skip
+        self.iterations, self.checks = iterations, checks
+        found = []
+        places_kept = [k for k in range(made) if keep[k]]
+        for m in range(n_kept):
+            arrays = tuple(array[m] for array in kept[:7])
+            told = (int(kept[8][m, 0]), float(kept[8][m, 1]))
+            found.append(self._moving(start, t[places_kept[m]], arrays, h[places_kept[m]], None, kept[7][m], told))
+        if made and not (found and keep[made - 1]):
+            found.append(self._moving(start, t[made - 1], state[:7], last, None, work, (0, 0.0)))
+        if found:
+            found[-1] = replace(found[-1], loads=b.loads_in_space(state[7], loads[0][0]))
+        return made, found
+
+    def _moving(self, start: Moving, t: float, arrays: Any, h: float, loads: Any, work: np.ndarray, told: Any) -> Moving:
+        b = self.border
+        r, q, sigma, v, a, aux, g = arrays
+        rates = Rates(*(b.in_space(values) for values in (v, a, aux)))
+        return Moving(b.give(start.state.at_time(t), r, q, sigma), rates, b.in_space(g), loads, h, work, *told)
+
+    def _loads_at(self, t: list[float]) -> tuple[Any, np.ndarray]:
+        """Load tables at times, with a leading axis for those that differ, and the number of each time's table."""
+        tables = [self.table(x)[0] for x in (t[:1] if self._table is not None or not t else t)]
+        if self._table is not None:
+            tables = tables[:1]
+        nodes, _, _, kinds, _ = tables[0]
+        force, moment = (np.array([table[k] for table in tables]) for k in (1, 2))
+        number = np.arange(len(t)) if len(tables) > 1 else np.zeros(len(t), dtype=np.int64)
+        return (nodes, force, moment, kinds, any(table[4] for table in tables)), number
+
+    def _places_at(self, t: list[float]) -> tuple[Any, np.ndarray]:
+        """Places, attitudes and driven rates of supports at times, with a leading axis; the number of each time's."""
+        c = self.model.constraints
+        moving = bool(c.moving_parts)
+        at = t if moving else t[:1]
+        held = [self.border.holds(x, None)[:2] for x in at]
+        driven = [self.border.driven(driven_nodes(self.model, x)) for x in at]
+        nodes = driven_nodes(self.model, at[0]).nodes
+        arrays = (np.array([row[k] for row in rows]) for rows, k in ((held, 0), (held, 1), (driven, 0), (driven, 1)))
+        return (*arrays, nodes), np.arange(len(t)) if moving else np.zeros(len(t), dtype=np.int64)
 
 
 def _number_joints(model: Model, segments: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarray, int]:

@@ -2,8 +2,8 @@
 
 The same iteration as `newton.Newton`, which takes every model and is its readable form, in space (d = 6 unknowns a node) and
 in a plane (d = 3), at rest and in time. A solve of a few elements costs tens of microseconds, which the glue between kernels
-would multiply. What differs between space and plane stands in the small functions at the top; `size` is a tuple with d
-entries, so each branch is dropped where it does not belong.
+would multiply. What differs between space and plane stands in the small functions at the top: `size` is a tuple with d
+entries; of `space` and `plane` one is None, so that its branch is not even compiled.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .chain import (
 from .inertia import step_inertia, step_rates
 from .loads import add_loads
 from .nodes import largest_increment, largest_residual
-from .rotation import fill_matrices, relative_rotation, rotate_bodies
+from .rotation import fill_matrices, relative_vector, rotate_bodies
 
 CONVERGED, NOT_FINITE, TOO_MANY, SINGULAR, DIVERGES, INDEFINITE, FORCES = 0, 1, 2, 3, 4, 5, 6
 STAGNANT = 32.0
@@ -31,6 +31,7 @@ SMALLEST_SHIFT, LARGEST_SHIFT = 1e-6, 1e12
 LARGEST_TURN = 0.8  # rad in one guarded step
 FASTEST = 2.0  # rad in one step in time
 GROWTH = 4.0  # a step longer than this many of the last one starts with b = a
+ROUND_OFF = 2 * np.finfo(np.float64).eps
 
 
 @inner
@@ -54,100 +55,106 @@ def make_symmetric(nodal, stiffness):
 
 
 @inner
-def outside(size, loads, q, each, R, g, nodal):
+def outside(space, plane, loads, q, each, R, g, nodal):
     """Add the loads to g (N, d) and, if it is not empty, nodal (N, d, d)."""
     nodes, force, moment, kinds, turning = loads
-    if len(size) == 3:
+    if plane is not None:
         planar.add_loads(nodes, q, force, moment, kinds, each, g, nodal)
-    elif turning:
-        fill_matrices(q, R)
-        add_loads(nodes, R, force, moment, kinds, each, g, nodal)
-    else:
-        for m in range(nodes.shape[0]):
-            for i in range(3):
-                each[m, i], each[m, 3 + i] = -force[m, i], 0.0
-                g[nodes[m], i] -= force[m, i]
+    if space is not None:
+        if turning:
+            fill_matrices(q, R)
+            add_loads(nodes, R, force, moment, kinds, each, g, nodal)
+        else:
+            for m in range(nodes.shape[0]):
+                for i in range(3):
+                    each[m, i], each[m, 3 + i] = -force[m, i], 0.0
+                    g[nodes[m], i] -= force[m, i]
 
 
 @inner
-def rates(size, inertia, moved, q, D, v, a, b):
+def rates(space, plane, inertia, moved, q, D, v, a, b):
     """Increment D and rates (N, d) at the end of a step."""
     _, _, _, q0, v0, a0, b0, coefficients, driven, v_driven, a_driven = inertia
-    if len(size) == 3:
+    if plane is not None:
         planar.step_rates(moved, q0, q, v0, a0, b0, coefficients, driven, v_driven, a_driven, D, v, a, b)
-    else:
+    if space is not None:
         step_rates(moved, q0, q, v0, a0, b0, coefficients, driven, v_driven, a_driven, D, v, a, b)
 
 
 @inner
-def add_inertia(size, inertia, D, v, a, g, nodal):
+def add_inertia(space, plane, inertia, D, v, a, g, nodal):
     """Add the inertia force and its tangent; return the largest force and moment at a node."""
-    mass, J, coefficients = inertia[0], inertia[1], inertia[7]
-    if len(size) == 3:
-        return planar.step_inertia(mass, J, a, coefficients, g, nodal)
-    return step_inertia(mass, J, D, v, a, coefficients, g, nodal)
+    largest = (0.0, 0.0)
+    if plane is not None:
+        largest = planar.step_inertia(inertia[0], inertia[1], a, inertia[7], g, nodal)
+    if space is not None:
+        largest = step_inertia(inertia[0], inertia[1], D, v, a, inertia[7], g, nodal)
+    return largest
 
 
 @inner
-def add_forces(size, beam, r, q, g):
+def add_forces(space, plane, beam, r, q, g):
     """Add the internal force; return the largest section force and moment."""
     conn, n_elements, N, N_s, dx, C, C_full, reference, _, _ = beam
-    if len(size) == 3:
-        return planar.residual(conn, n_elements, N, N_s, dx, C, reference, r, q, g)
-    return condense.residual(conn, n_elements, N, N_s, dx, C, C_full, reference, r, q, g)
+    largest = (0.0, 0.0)
+    if plane is not None:
+        largest = planar.residual(conn, n_elements, N, N_s, dx, C, reference, r, q, g)
+    if space is not None:
+        largest = condense.residual(conn, n_elements, N, N_s, dx, C, C_full, reference, r, q, g)
+    return largest
 
 
 @inner
-def add_tangent(size, beam, linear, r, q, sigma, g, nodal, mu, symmetric):
+def add_tangent(space, plane, beam, linear, r, q, sigma, g, nodal, mu, symmetric):
     """Add the internal force and condense the tangent; return largest force and moment, and negative pivots."""
     conn, n_elements, N, N_s, dx, C, C_full, reference, owner, shift = beam
     S, rhs, factor = linear[0], linear[1], linear[2]
-    none = np.empty((0, 0, 0))
-    if len(size) == 3:
-        return planar.assemble(
+    none, largest = np.empty((0, 0, 0)), (0.0, 0.0, 0)
+    if plane is not None:
+        largest = planar.assemble(
             conn, n_elements, N, N_s, dx, C, reference, sigma, r, q, g, owner, nodal, shift, mu, symmetric, S, rhs, factor,
             none,
         )  # fmt: skip
-    return condense.assemble(
-        conn, n_elements, N, N_s, dx, C, C_full, reference, sigma, r, q, g, owner, nodal, np.empty(0, dtype=np.int64), none,
-        shift, mu, symmetric, S, rhs, factor, none,
-    )  # fmt: skip
+    if space is not None:
+        largest = condense.assemble(
+            conn, n_elements, N, N_s, dx, C, C_full, reference, sigma, r, q, g, owner, nodal, np.empty(0, dtype=np.int64),
+            none, shift, mu, symmetric, S, rhs, factor, none,
+        )  # fmt: skip
+    return largest
 
 
 @inner
-def extrapolate(size, beam, r, q, du, sigma):
+def extrapolate(space, plane, beam, r, q, du, sigma):
     """New stress memory for an increment, before the update."""
     conn, _, N, N_s, _, C, C_full, reference, _, _ = beam
-    if len(size) == 3:
+    if plane is not None:
         planar.extrapolate_stress(conn, N, N_s, C, reference, r, q, du, sigma)
-    else:
+    if space is not None:
         condense.extrapolate_stress(conn, N, N_s, C, C_full, reference, r, q, du, 1.0, sigma)
 
 
 @inner
-def turn_nodes(size, q, du):
+def turn_nodes(space, plane, q, du):
     """Turn the nodes by the rotations of du (N, d)."""
-    if len(size) == 3:
+    if plane is not None:
         planar.turn(q, du)
-    else:
-        turned = np.empty_like(q)
-        rotate_bodies(q, du[:, 3:], turned)
-        q[:] = turned
+    if space is not None:
+        rotate_bodies(q, du[:, 3:], q)
 
 
 @inner
-def find_gap(size, held, r, q, gap):
+def find_gap(size, space, plane, held, r, q, gap):
     """What is missing (M, d) at special vertices, along the unknowns there; return its largest shift and turn."""
     nodes, is_held, place, attitude, T, lead_row = held[0], held[3], held[5], held[6], held[7], held[9]
     n, d = place.shape[0], len(size)
     moves = (d + 1) // 2
-    if len(size) == 3:
+    if plane is not None:
         planar.fill_gap(nodes, place, attitude, r, q, gap)
-    else:
-        turns = relative_rotation(q[nodes[:n]], attitude)
+    if space is not None:
         for m in range(n):
             for i in range(3):
-                gap[m, i], gap[m, 3 + i] = place[m, i] - r[nodes[m], i], turns[m, i]
+                gap[m, i] = place[m, i] - r[nodes[m], i]
+            gap[m, 3], gap[m, 4], gap[m, 5] = relative_vector(q[nodes[m]], attitude[m])
     for m in range(n, nodes.shape[0]):  # welded ones follow
         for i in range(d):
             gap[m, i] = gap[lead_row[m - n], i] if lead_row[m - n] >= 0 else 0.0
@@ -195,7 +202,7 @@ def along_unknowns(size, held, g):
 
 
 @inner
-def solve(size, beam, linear, held, gap, g, symmetric, du):
+def solve(size, space, plane, beam, linear, held, gap, g, symmetric, du):
     """du (N, d) from the condensed tangent; g is used up. Returns (negative pivots, singular node or -1)."""
     S, rhs, factor, segments, kept, joint_S, joint_rhs, joint_nodes, joint_index, band, y = linear
     nodes, left, right, is_held, owns, _, _, T, _, _ = held
@@ -218,21 +225,21 @@ def solve(size, beam, linear, held, gap, g, symmetric, du):
     if T.shape[0] > 0:
         untransform_vertices(size, nodes, T, du)
     if beam[0].shape[1] > 2:
-        if len(size) == 3:
+        if plane is not None:
             planar.back_substitute(beam[0], beam[1], factor, du)
-        else:
+        if space is not None:
             condense.back_substitute(beam[0], beam[1], factor, du)
     return negative, largest_increment(du)[2]
 
 
 @kernel
-def newton(size, beam, linear, held, inertia, loads, offset, limits, controls, moved, r, q, sigma, scratch):
+def newton(size, space, plane, beam, linear, held, inertia, loads, offset, limits, controls, moved, r, q, sigma, scratch):
     """Solve in place: place r, attitude q and the stress memory sigma of all nodes, from their prediction.
 
     In time the displacement `moved` is summed up by itself: as a difference of places it would lose digits, and with it
     momentum.
 
-    size: see `chain`. beam: conn, number of elements, N, N_s, dx, C, C_full (None in a plane), reference, owner, shift.
+    size: see `chain`; space, plane: True and None, or None and True. beam: conn, number of elements, N, N_s, dx, C, C_full (None in a plane), reference, owner, shift.
     linear: scratch of the chain; nodes of joints and which joint each belongs to; scratch of the joints. held: nodes, left,
     right, held, owner (M, ...), place and attitude of the supports (n, ...), T (M, d, d) or empty, and for the welded ones
     that follow (M - n,) the node and the support (or -1) of their joint's first. inertia: mass (empty: at rest), J, r0, q0,
@@ -258,20 +265,21 @@ def newton(size, beam, linear, held, inertia, loads, offset, limits, controls, m
         blocks[:] = 0.0
         F = M = 0.0
         if loads[0].shape[0] > 0:
-            outside(size, loads, q, each, R, g, blocks)
+            outside(space, plane, loads, q, each, R, g, blocks)
         if in_time:
-            rates(size, inertia, moved, q, D, v, a, b)
-            F, M = add_inertia(size, inertia, D, v, a, g, blocks)
-        if offset.shape[0] > 0:
-            g += offset
+            rates(space, plane, inertia, moved, q, D, v, a, b)
+            F, M = add_inertia(space, plane, inertia, D, v, a, g, blocks)
+        for k in range(offset.shape[0]):
+            for i in range(offset.shape[1]):
+                g[k, i] += offset[k, i]
         pivots = 0
         if cheap:
             checks += 1
-            force, moment = add_forces(size, beam, r, q, g)
+            force, moment = add_forces(space, plane, beam, r, q, g)
         else:
             if in_time:
                 symmetric = make_symmetric(nodal, stiffness)
-            force, moment, pivots = add_tangent(size, beam, linear, r, q, sigma, g, nodal, mu, symmetric)
+            force, moment, pivots = add_tangent(space, plane, beam, linear, r, q, sigma, g, nodal, mu, symmetric)
         F, M = max(F, force), max(M, moment)
         force_limit = tolerance * max(F, M / length) + force_noise
         moment_limit = tolerance * max(M, F * element) + moment_noise
@@ -280,7 +288,7 @@ def newton(size, beam, linear, held, inertia, loads, offset, limits, controls, m
         )
         if not value < np.inf:
             return NOT_FINITE, done, solves, checks, value, where, negative
-        shift, turn = find_gap(size, held, r, q, gap)
+        shift, turn = find_gap(size, space, plane, held, r, q, gap)
         met = value <= 1.0 or (small and 0.5 * before < value <= STAGNANT)
         if done > 0 and met and shift <= closed and turn <= 1e-11:
             if not np.isfinite(F + M):
@@ -288,13 +296,13 @@ def newton(size, beam, linear, held, inertia, loads, offset, limits, controls, m
             if symmetric and not in_time and (not near or negative > 0):
                 # few iterations were made: the last factorisation had stresses of a state further away
                 du[:] = 0.0
-                extrapolate(size, beam, r, q, du, sigma)
-                again = np.zeros_like(g)
+                extrapolate(space, plane, beam, r, q, du, sigma)
+                again, mu = np.zeros_like(g), SMALLEST_SHIFT
                 nodal[:] = 0.0
                 if loads[0].shape[0] > 0:
-                    outside(size, loads, q, each, R, again, nodal)
-                _, _, pivots = add_tangent(size, beam, linear, r, q, sigma, again, nodal, SMALLEST_SHIFT, True)
-                negative, bad = solve(size, beam, linear, held, gap, again, True, du)
+                    outside(space, plane, loads, q, each, R, again, nodal)
+                _, _, pivots = add_tangent(space, plane, beam, linear, r, q, sigma, again, nodal, mu, symmetric)
+                negative, bad = solve(size, space, plane, beam, linear, held, gap, again, symmetric, du)
                 negative = negative + pivots if bad < 0 else -1
             return CONVERGED, done, solves, checks, value, where, negative
         if cheap:
@@ -304,7 +312,7 @@ def newton(size, beam, linear, held, inertia, loads, offset, limits, controls, m
             return TOO_MANY, done, solves, checks, value, where, negative
         near = small and mu <= SMALLEST_SHIFT  # stability counts only without the shift
         solves += 1
-        count, bad = solve(size, beam, linear, held, gap, g, symmetric, du)
+        count, bad = solve(size, space, plane, beam, linear, held, gap, g, symmetric, du)
         if guarded and (bad >= 0 or (symmetric and count + pivots > 0)):
             if mu > LARGEST_SHIFT:
                 return INDEFINITE, done, solves, checks, value, where, negative
@@ -319,13 +327,16 @@ def newton(size, beam, linear, held, inertia, loads, offset, limits, controls, m
             scale = min(1.0, LARGEST_TURN / turn) if turn > 0.0 else 1.0
         elif ((done == 1 or done == 2) and turn > 2.0) or (done > 2 and turn > 1.0):
             return DIVERGES, done, solves, checks, value, where, negative
+        old = sigma.copy() if scale < 1.0 else sigma
+        extrapolate(space, plane, beam, r, q, du, sigma)
         if scale < 1.0:  # the memory is an unknown of the mixed method: it takes the same part of its step
-            old = sigma.copy()
-            extrapolate(size, beam, r, q, du, sigma)
-            sigma[:] = (1.0 - scale) * old + scale * sigma
-            du *= scale
-        else:
-            extrapolate(size, beam, r, q, du, sigma)
+            for k in range(du.shape[0]):
+                for i in range(du.shape[1]):
+                    du[k, i] *= scale
+            for m in range(sigma.shape[0]):
+                for i in range(sigma.shape[1]):
+                    for l in range(sigma.shape[2]):
+                        sigma[m, i, l] = (1.0 - scale) * old[m, i, l] + scale * sigma[m, i, l]
         for k in range(r.shape[0]):
             for i in range(r.shape[1]):
                 if in_time:
@@ -333,10 +344,126 @@ def newton(size, beam, linear, held, inertia, loads, offset, limits, controls, m
                     r[k, i] = r0[k, i] + moved[k, i]
                 else:
                     r[k, i] += du[k, i]
-        turn_nodes(size, q, du)
+        turn_nodes(space, plane, q, du)
         done += 1
         before = value
         small = turn < 1e-3 and shift < 1e-3 * length
         cheap = scale == 1.0 and small and mu <= SMALLEST_SHIFT
         if guarded and scale == 1.0:
             mu = mu / 4.0 if mu >= 4e-3 else SMALLEST_SHIFT
+
+
+@inner
+def copy_rows(source, target):
+    """target = source, (n, m)."""
+    for k in range(target.shape[0]):
+        for i in range(target.shape[1]):
+            target[k, i] = source[k, i]
+
+
+@inner
+def copy_memory(source, target):
+    """target = source, (n, m, l)."""
+    for k in range(target.shape[0]):
+        copy_rows(source[k], target[k])
+
+
+@inner
+def dot_rows(nodes, old, new, D, work):
+    """work (L,) -= the mean of the forces old and new (L, d) at nodes times the increments D (N, d)."""
+    for m in range(nodes.shape[0]):
+        total = 0.0
+        for i in range(D.shape[1]):
+            total += (old[m, i] + new[m, i]) * D[nodes[m], i]
+        work[m] -= 0.5 * total
+
+
+@kernel
+def run_steps(size, space, plane, beam, linear, rows, places, inertia, loads, limits, method, steps, state, work, kept, scratch):
+    """Steps in time, each as `integrator.Run` makes it with a fixed step, until one fails or turns a section too far.
+
+    rows: nodes, left, right, held, owner of supported vertices; T; leader and its support of welded ones. places: for each
+    of some times place, attitude (K, n, ...) of the supports, driven rates v, a (K, M, d) and driven nodes (M,). inertia:
+    mass, J, heaviest of both, size of the model. loads: nodes, force, moment (K, L, ...), kinds, whether any depends on the
+    attitude. method: am, af, beta, gamma. steps: length of the step before, lengths (n,), numbers of the load table and of
+    the place (n,), whether to keep the state (n,). state: r, q, sigma, v, a, b, g (N, d), what each load adds: changed in
+    place. work (L + 1,): of each load and of the driven ends so far, added to. kept: as state but for the loads, with a
+    leading axis, and work, iterations, residual. scratch: as for `newton`, with r, q, sigma, moved, b and coefficients.
+    Returns (steps made, iterations, residual evaluations, length of the last step, kept states).
+    """
+    nodes, left, right, is_held, owns, T, leads, lead_rows = rows
+    place, attitude, v_driven, a_driven, driven = places
+    mass, J, heaviest_mass, heaviest_J, extent = inertia
+    load_nodes, force, moment, kinds, turning = loads
+    tolerance, length, element, force_noise, moment_noise, closed, stiffness = limits
+    am, af, beta, gamma = method
+    h_before, h, load_of, place_of, keeps = steps
+    r, q, sigma, v, a, b, g, each = state
+    kept_r, kept_q, kept_sigma, kept_v, kept_a, kept_b, kept_g, kept_work, told = kept
+    g1, nodal, du, D, v1, a1, b1, each1, R, gap, r1, q1, sigma1, moved, b0, coefficients = scratch
+    moves, none, controls = r.shape[1], np.empty((0, 0)), (20, False, False)
+    made = iterations = checks = n_kept = 0
+    coefficients[1], coefficients[2], coefficients[3], coefficients[4] = am, af, beta, gamma
+    for s in range(h.shape[0]):
+        dt, fastest = h[s], 0.0
+        for k in range(v.shape[0]):
+            for i in range(moves, v.shape[1]):
+                fastest = max(fastest, abs(v[k, i]))
+        if fastest * dt > FASTEST:
+            break
+        grown = dt / h_before if dt <= GROWTH * h_before else 0.0
+        for k in range(b.shape[0]):
+            for i in range(b.shape[1]):
+                b0[k, i] = b[k, i] if dt == h_before else a[k, i] + grown * (b[k, i] - a[k, i])
+        coefficients[0] = dt
+        grows = (1.0 - am) / ((1.0 - af) * beta * dt * dt)
+        bounds = (
+            tolerance, length, element, force_noise + ROUND_OFF * grows * heaviest_mass * extent,
+            moment_noise + ROUND_OFF * grows * heaviest_J, closed, stiffness,
+        )  # fmt: skip
+        w, p = load_of[s], place_of[s]
+        held = (nodes, left, right, is_held, owns, place[p], attitude[p], T, leads, lead_rows)
+        rates_before = (mass, J, r, q, v, a, b0, coefficients, driven, v_driven[p], a_driven[p])
+        table = (load_nodes, force[w], moment[w], kinds, turning)
+        status, done, value = TOO_MANY, 0, 0.0
+        for attempt in range(2):  # unresolved vibrations make b a bad guess
+            part = 0.5 * dt * dt if attempt == 0 else 0.0
+            for k in range(du.shape[0]):
+                for i in range(du.shape[1]):
+                    du[k, i] = dt * v[k, i] + part * b0[k, i]
+            extrapolate(space, plane, beam, r, q, du, sigma1)
+            copy_rows(q, q1)
+            turn_nodes(space, plane, q1, du)
+            for k in range(r.shape[0]):
+                for i in range(moves):
+                    moved[k, i] = du[k, i]
+                    r1[k, i] = r[k, i] + du[k, i]
+            status, done, _, more, value, _, _ = newton(
+                size, space, plane, beam, linear, held, rates_before, table, none, bounds, controls, moved, r1, q1, sigma1,
+                (g1, nodal, du, D, v1, a1, b1, each1, R, gap),
+            )  # fmt: skip
+            iterations += done
+            checks += more
+            if status == CONVERGED:
+                break
+        if status != CONVERGED:
+            break
+        dot_rows(load_nodes, each, each1, D, work)
+        total = 0.0
+        for k in range(D.shape[0]):
+            for i in range(D.shape[1]):
+                total += (g[k, i] + g1[k, i]) * D[k, i]
+        work[load_nodes.shape[0]] += 0.5 * total
+        for source, target in ((r1, r), (q1, q), (v1, v), (a1, a), (b1, b), (g1, g), (each1, each)):
+            copy_rows(source, target)
+        copy_memory(sigma1, sigma)
+        made, h_before = made + 1, dt
+        if keeps[s]:
+            for source, target in ((r, kept_r), (q, kept_q), (v, kept_v), (a, kept_a), (b, kept_b), (g, kept_g)):
+                copy_rows(source, target[n_kept])
+            copy_memory(sigma, kept_sigma[n_kept])
+            for m in range(work.shape[0]):
+                kept_work[n_kept, m] = work[m]
+            told[n_kept, 0], told[n_kept, 1] = done, tolerance * value
+            n_kept += 1
+    return made, iterations, checks, h_before, n_kept
