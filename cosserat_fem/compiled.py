@@ -8,7 +8,7 @@ they are; in a plane it keeps what lies in the plane.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,13 +19,13 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from .constraint import Targets
 from .kernels import chain, planar
 from .kernels.beam import LANES
-from .kernels.step import newton
+from .kernels.step import newton, run_steps
 from .linear import segments_of
 from .model import Model
 from .plane import Plane
 from .space import Group, State
 from .terms.external import NO_LOADS, NodalLoads
-from .terms.inertial import Driven, InertiaStep
+from .terms.inertial import Driven, InertiaStep, Rates
 
 REASONS = (
     "", "the residual is not a finite number", "no convergence within {} iterations", "the tangent is singular",
@@ -35,6 +35,7 @@ NO_FRAMES, NO_OFFSET, NO_MASS, NO_COEFFICIENTS = np.empty((0, 0, 0)), np.empty((
 NO_NODES = np.empty(0, dtype=np.int64)
 ROUND_OFF = 2 * np.finfo(float).eps
 Tables = tuple[Any, ...]
+Nodes = np.ndarray | slice
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,25 @@ class Answer:
     where: int
     negative: int
     reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Moving:
+    """A run in time between two steps: state, rates, residual g (N, 6), what each load adds (L, 6), length of the last step.
+
+    Of one that was found also the work of each load and of the driven ends (L + 1,) since the start of the call, whether it
+    is to be kept, and iterations and residual of its step.
+    """
+
+    state: State
+    rates: Rates
+    g: np.ndarray
+    loads: np.ndarray
+    h: float
+    work: np.ndarray | None = None
+    keeps: bool = False
+    iterations: int = 0
+    residual: float = 0.0
 
 
 def takes(model: Model) -> bool:
@@ -111,11 +131,11 @@ class InSpace:
         turning = bool(table.moment.any() or (table.kinds.any() and table.force.any()))
         return (table.nodes, table.force, table.moment, table.kinds, turning), turning
 
-    def rates(self, values: np.ndarray) -> np.ndarray:
-        """Rates or forces (N, d) of nodes from those in space (N, 6)."""
+    def rates(self, values: np.ndarray, nodes: Nodes = slice(None)) -> np.ndarray:
+        """Rates or forces (n, d) at nodes from those in space (n, 6)."""
         return values
 
-    def in_space(self, values: np.ndarray) -> np.ndarray:
+    def in_space(self, values: np.ndarray, nodes: Nodes = slice(None)) -> np.ndarray:
         """The inverse of `rates`."""
         return values
 
@@ -126,10 +146,6 @@ class InSpace:
     def driven(self, driven: Driven) -> tuple[np.ndarray, np.ndarray]:
         """Velocity and acceleration (M, d) of driven nodes."""
         return driven.v.reshape(-1, 6), driven.a.reshape(-1, 6)
-
-    def loads_in_space(self, values: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-        """Forces (L, 6) in space at nodes (L,) from those (L, d) of the kernel."""
-        return values
 
     @property
     def symmetric(self) -> bool:
@@ -239,11 +255,11 @@ class InPlane(InSpace):
         turning = bool(table.kinds[:, [0, 2]].any() and force.any())
         return (table.nodes, force, moment, table.kinds, turning), turning
 
-    def rates(self, values: np.ndarray) -> np.ndarray:
-        return self.plane.rates(values)
+    def rates(self, values: np.ndarray, nodes: Nodes = slice(None)) -> np.ndarray:
+        return self.plane.rates(values, nodes)
 
-    def in_space(self, values: np.ndarray) -> np.ndarray:
-        return self.plane.in_space(values)
+    def in_space(self, values: np.ndarray, nodes: Nodes = slice(None)) -> np.ndarray:
+        return self.plane.in_space(values, nodes)
 
     def flat(self, values: np.ndarray) -> np.ndarray:
         return self.plane.flat(values)
@@ -251,9 +267,6 @@ class InPlane(InSpace):
     def driven(self, driven: Driven) -> tuple[np.ndarray, np.ndarray]:
         v, a = super().driven(driven)
         return self.plane.rates(v, driven.nodes), self.plane.rates(a, driven.nodes)
-
-    def loads_in_space(self, values: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-        return self.plane.in_space(values, nodes)
 
     @property
     def symmetric(self) -> bool:
@@ -313,7 +326,7 @@ class Compiled:
     @property
     def loads(self) -> np.ndarray:
         """What each load added to the residual at its node (L, 6) in the last call."""
-        return self.border.loads_in_space(self.each, self._nodes)
+        return self.border.in_space(self.each, self._nodes)
 
     def solve(
         self, state: State, targets: Targets | None, offset: np.ndarray | None, iterations: int, tolerance: float, *,
@@ -377,74 +390,74 @@ class Compiled:
 
 
     def run(
-        self, start: Moving, t: list[float], h: list[float], keep: list[bool], method: tuple[float, ...], tolerance: float
-    ) -> tuple[int, list[Moving]]:
-        """Steps of lengths h [s] to the times t, one after the other in one call, as far as they converge.
+        self, start: Moving, plan: list[tuple[float, float, bool]], method: tuple[float, ...], tolerance: float,
+        driven: Callable[[float], Driven],
+    ) -> tuple[int, tuple[int, int], list[Moving]]:  # fmt: skip
+        """Steps in time one after the other in one call, as far as they converge.
 
-        Returns how many were made, and the states that were to be kept, with the last one at the end. method: am, af, beta,
-        gamma of the integrator. Loads and moving parts are evaluated before the call.
+        plan: time [s] at the end, length [s], whether to keep the state, of each step; method: am, af, beta, gamma of the
+        integrator; driven: rates of held places at a time. Loads and supports are evaluated before the call.
+        Returns how many were made, their iterations and residual evaluations, the kept states and the last one.
         """
         b, model, d = self.border, self.model, len(self.border.size)
-        loads = self._loads_at(t)
-        places, place_of = self._places_at(t)
-        *_, T = b.holds(t[0], None)
+        times, lengths = [t for t, _, _ in plan], np.array([h for _, h, _ in plan])
+        keep = np.array([keeps for _, _, keeps in plan])
+        loads, load_of = self._loads_at(times)
+        places, place_of = self._places_at(times, driven)
         r, q, sigma = b.take(start.state)
-        n, N, L, K = len(t), len(r), len(loads[0][0]), sum(keep)
+        N, L, K = len(r), len(loads[0]), int(keep.sum()) + 1
         rates = [np.array(b.rates(getattr(start.rates, name))) for name in "vab"]
-        state = (r, q, sigma, *rates, np.array(b.rates(start.g)), np.array(b.loads_in(start.loads, loads[0][0])))
+        forces = np.array(b.rates(start.loads, loads[0]))
+        state = (r, q, sigma, *rates, np.array(b.rates(start.g)), forces)
         kept = (
             np.empty((K, *r.shape)), np.empty((K, *q.shape)), np.empty((K, *sigma.shape)), *np.empty((4, K, N, d)),
-            np.empty((K, L + 1)), np.empty((K, 2)),
+            np.empty((K, L + 1)), np.empty((K, 2)), np.empty(K, dtype=np.int64),
         )  # fmt: skip
-        work, made_arrays = np.zeros(L + 1), np.empty((4, N, d))
-        heaviest = model.space.heaviest
-        made, iterations, checks, last, n_kept = run_steps(
-            b.size, *b.kind, (*b.beam, *b.tables, b.owner, b.shift), self.linear, (*b.rows, T, *b.followers), places,
-            (b.mass, b.J, heaviest[0], float(b.J.max()), self._scales[2]), loads[0],
-            self._limits(tolerance, (0.0, 0.0)), method,
-            (start.h, np.array(h), loads[1], place_of, np.array(keep)), state, work, kept,
-            (np.empty((N, d)), self._nodal, self._du, *made_arrays, np.empty((L, d)), self._R, self._gap, np.empty_like(r),
-             np.empty_like(q), np.empty_like(sigma), np.empty_like(r), np.empty((N, d)), np.empty(5)),
+        size = self._scales[2]
+        inertia = (b.mass, b.J, ROUND_OFF * float(b.mass.max()) * size, ROUND_OFF * float(b.J.max()))
+        scratch = (
+            np.empty((N, d)), self._nodal, self._du, *np.empty((4, N, d)), np.empty((L, d)), self._R, self._gap,
+            np.empty_like(r), np.empty_like(q), np.empty_like(sigma), np.empty_like(r), np.empty((N, d)), np.empty(5),
         )  # fmt: skip
-        self.iterations, self.checks = iterations, checks
+        frames = b.holds(times[0], None)[2]
+        made, iterations, checks, n_kept = run_steps(
+            b.size, *b.kind, (*b.beam, *b.tables, b.owner, b.shift), self.linear, (*b.rows, frames, *b.followers), places,
+            inertia, loads, self._limits(tolerance, (0.0, 0.0)), method, (start.h, lengths, load_of, place_of, keep), state,
+            np.zeros(L + 1), kept, scratch,
+        )  # fmt: skip
         found = []
-        places_kept = [k for k in range(made) if keep[k]]
         for m in range(n_kept):
-            arrays = tuple(array[m] for array in kept[:7])
-            told = (int(kept[8][m, 0]), float(kept[8][m, 1]))
-            found.append(self._moving(start, t[places_kept[m]], arrays, h[places_kept[m]], None, kept[7][m], told))
-        if made and not (found and keep[made - 1]):
-            found.append(self._moving(start, t[made - 1], state[:7], last, None, work, (0, 0.0)))
-        if found:
-            found[-1] = replace(found[-1], loads=b.loads_in_space(state[7], loads[0][0]))
-        return made, found
+            k = int(kept[9][m])
+            place, turned, memory, v, a, aux, g = (array[m] for array in kept[:7])
+            found.append(
+                Moving(
+                    b.give(start.state.at_time(times[k]), place, turned, memory),
+                    Rates(b.in_space(v), b.in_space(a), b.in_space(aux)), b.in_space(g), b.in_space(forces, loads[0]),
+                    lengths[k], kept[7][m], bool(keep[k]), int(kept[8][m, 0]), float(kept[8][m, 1]),
+                )
+            )  # fmt: skip
+        return made, (iterations, checks), found
 
-    def _moving(self, start: Moving, t: float, arrays: Any, h: float, loads: Any, work: np.ndarray, told: Any) -> Moving:
-        b = self.border
-        r, q, sigma, v, a, aux, g = arrays
-        rates = Rates(*(b.in_space(values) for values in (v, a, aux)))
-        return Moving(b.give(start.state.at_time(t), r, q, sigma), rates, b.in_space(g), loads, h, work, *told)
-
-    def _loads_at(self, t: list[float]) -> tuple[Any, np.ndarray]:
-        """Load tables at times, with a leading axis for those that differ, and the number of each time's table."""
-        tables = [self.table(x)[0] for x in (t[:1] if self._table is not None or not t else t)]
-        if self._table is not None:
-            tables = tables[:1]
+    def _loads_at(self, times: list[float]) -> tuple[Any, np.ndarray]:
+        """Load tables, with a leading axis if they change, and the number of the table at each time."""
+        tables = [self.table(times[0])[0]]
+        if self._table is None:
+            tables += [self.table(t)[0] for t in times[1:]]
         nodes, _, _, kinds, _ = tables[0]
         force, moment = (np.array([table[k] for table in tables]) for k in (1, 2))
-        number = np.arange(len(t)) if len(tables) > 1 else np.zeros(len(t), dtype=np.int64)
+        number = np.arange(len(times)) if len(tables) > 1 else np.zeros(len(times), dtype=np.int64)
         return (nodes, force, moment, kinds, any(table[4] for table in tables)), number
 
-    def _places_at(self, t: list[float]) -> tuple[Any, np.ndarray]:
-        """Places, attitudes and driven rates of supports at times, with a leading axis; the number of each time's."""
-        c = self.model.constraints
-        moving = bool(c.moving_parts)
-        at = t if moving else t[:1]
-        held = [self.border.holds(x, None)[:2] for x in at]
-        driven = [self.border.driven(driven_nodes(self.model, x)) for x in at]
-        nodes = driven_nodes(self.model, at[0]).nodes
-        arrays = (np.array([row[k] for row in rows]) for rows, k in ((held, 0), (held, 1), (driven, 0), (driven, 1)))
-        return (*arrays, nodes), np.arange(len(t)) if moving else np.zeros(len(t), dtype=np.int64)
+    def _places_at(self, times: list[float], driven: Callable[[float], Driven]) -> tuple[Any, np.ndarray]:
+        """Place, attitude and driven rates of supports, with a leading axis if they move, and the number at each time."""
+        b, moving = self.border, bool(self.model.constraints.moving_parts)
+        at = times if moving else times[:1]
+        held = [b.holds(t, None) for t in at]
+        given = [driven(t) for t in at]
+        rates = [b.driven(one) for one in given]
+        arrays = [np.array([row[k] for row in rows]) for rows in (held, rates) for k in (0, 1)]
+        number = np.arange(len(times)) if moving else np.zeros(len(times), dtype=np.int64)
+        return (*arrays, given[0].nodes), number
 
 
 def _number_joints(model: Model, segments: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarray, int]:

@@ -30,6 +30,7 @@ from typing import Any
 
 import numpy as np
 
+from .compiled import Moving
 from .errors import ConvergenceError, SceneError, check_positive
 from .history import History, Record
 from .impact import Impact
@@ -51,6 +52,7 @@ LONGER, SAFETY = 1.5, 0.8  # growth of a step; aim at this part of the step that
 RUBBED = 0.1  # part of the work of friction in a step that may be missing
 GAINED, LOST = 1e-6, 2e-3  # parts of the largest energy that contact may add in all, or take in a step, by itself
 LITTLE = 1e-3  # of that: added in one step, it is none
+TOGETHER = 500  # steps in one compiled call at most: a run can be interrupted between them
 SHORT = 1e-3  # part of a step over which a strain rate is measured
 BEFORE = 1e-13  # of the duration: how long before a jump of a load the step that ends there is evaluated
 
@@ -291,7 +293,8 @@ class Run:
         slack = 1e-12 * (self.end - self.begin_time)
         try:
             while self.state.t < self.end - slack:
-                self._advance()
+                if not self._advance_together():
+                    self._advance()
                 if self.callback is not None and self.callback(self):
                     self.history.status = "stopped"
                     self.history.message = f"stopped by the caller at t = {self.state.t:g} s"
@@ -305,6 +308,56 @@ class Run:
         )
         self.history.check_ledger()
         return self.history
+
+    def _advance_together(self) -> bool:
+        """Steps of fixed length in one compiled call, as far as nothing else happens; False if none was made.
+
+        With a callback up to the next state that is kept.
+        """
+        if self._compiled is None or isinstance(self.step, AdaptiveStep) or self._dampers:
+            return False
+        plan = self._plan()
+        if len(plan) < 2:
+            return False
+        loads = np.concatenate(self.forces) if self.forces else np.empty((0, 6))
+        c, nodes = self.model.constraints, self.balance.nodes
+        made, counts, found = self._compiled.run(
+            Moving(self.state, self.rates, self.g, loads, self.h), plan, self._method, TOLERANCE,
+            lambda t: self.balance.driven(*c.driven(t, before=True)) if len(nodes) else NOBODY,
+        )  # fmt: skip
+        self.newton.count(*counts)
+        self.steps += [(t, h, 0.0, True) for t, h, _ in plan[:made]]
+        before = dict(self.work)
+        for now in found:
+            self.state, self.rates, self.g, self.h = now.state, now.rates, now.g, now.h
+            shares = np.split(now.work[:-1], self._cuts) if self._names else []
+            for name, share in zip(self._names, shares, strict=True):
+                self.work[name] = before[name] + float(share.sum())
+            self.work["driven ends"] = before["driven ends"] + float(now.work[-1])
+            if now.keeps:
+                self._keep(now.iterations, now.residual)
+        if found:
+            self.forces = self._forces(self.state, found[-1].loads)
+        return made > 0
+
+    def _plan(self) -> list[tuple[float, float, bool]]:
+        """Steps of the wanted length up to the next kink or jump: time at the end, length, whether the state is kept."""
+        plan: list[tuple[float, float, bool]] = []
+        near, t = SMALLEST * (self.end - self.begin_time), self.state.t
+        k = int(np.searchsorted(self._stops, t + near))
+        while k < len(self._stops) and len(plan) < TOGETHER:
+            stop, (jumps, settles, keeps) = float(self._stops[k]), self._at_stop[k]
+            left = stop - t
+            n = max(1, int(np.ceil(left / self.wanted_h - 1e-9)))
+            if n == 1 and (jumps or settles):
+                break
+            t1 = stop if n == 1 else t + left / n
+            kept = keeps if n == 1 else self.times is None
+            plan.append((t1, left / n, kept))
+            if kept and self.callback is not None:
+                break
+            t, k = t1, k + (n == 1)
+        return plan
 
     def _advance(self) -> None:
         """One accepted step."""

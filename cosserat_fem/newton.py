@@ -128,12 +128,15 @@ class Newton:
             return self._told(answer, tolerance, in_time=True)
         return self._solve(state, None, offset, 0, guarded=False, step=step, tolerance=tolerance)
 
+    def count(self, solves: int, checks: int) -> None:
+        """Count what was done in compiled calls: linear systems, residual evaluations besides."""
+        self.counters.iterations += solves
+        self.counters.residuals += checks
+        self.counters.linear["chain"] = self.counters.linear.get("chain", 0) + solves
+
     def _told(self, answer: Answer, tolerance: float, *, in_time: bool = False) -> Solved:
         """Count what a compiled solve did, and say it as the loop does."""
-        counters = self.counters
-        counters.iterations += answer.solves
-        counters.residuals += answer.checks
-        counters.linear["chain"] = counters.linear.get("chain", 0) + answer.solves
+        self.count(answer.solves, answer.checks)
         reactions = NO_REACTIONS if in_time else self.model.constraints.reactions(answer.state, answer.g)
         return Solved(
             answer.state, Sum(answer.g, 0.0, 0.0), reactions, tolerance * answer.residual, answer.where, answer.negative,

@@ -31,7 +31,6 @@ SMALLEST_SHIFT, LARGEST_SHIFT = 1e-6, 1e12
 LARGEST_TURN = 0.8  # rad in one guarded step
 FASTEST = 2.0  # rad in one step in time
 GROWTH = 4.0  # a step longer than this many of the last one starts with b = a
-ROUND_OFF = 2 * np.finfo(np.float64).eps
 
 
 @inner
@@ -378,31 +377,48 @@ def dot_rows(nodes, old, new, D, work):
         work[m] -= 0.5 * total
 
 
+@inner
+def keep_state(state, kept, m, work, iterations, value, step):
+    """Copy a state, the work so far and what its step took to place m of what is kept."""
+    r, q, sigma, v, a, b, g, _ = state
+    kept_r, kept_q, kept_sigma, kept_v, kept_a, kept_b, kept_g, kept_work, told, which = kept
+    copy_rows(r, kept_r[m])
+    copy_rows(q, kept_q[m])
+    copy_memory(sigma, kept_sigma[m])
+    copy_rows(v, kept_v[m])
+    copy_rows(a, kept_a[m])
+    copy_rows(b, kept_b[m])
+    copy_rows(g, kept_g[m])
+    for k in range(work.shape[0]):
+        kept_work[m, k] = work[k]
+    told[m, 0], told[m, 1], which[m] = iterations, value, step
+
+
 @kernel
 def run_steps(size, space, plane, beam, linear, rows, places, inertia, loads, limits, method, steps, state, work, kept, scratch):
     """Steps in time, each as `integrator.Run` makes it with a fixed step, until one fails or turns a section too far.
 
     rows: nodes, left, right, held, owner of supported vertices; T; leader and its support of welded ones. places: for each
     of some times place, attitude (K, n, ...) of the supports, driven rates v, a (K, M, d) and driven nodes (M,). inertia:
-    mass, J, heaviest of both, size of the model. loads: nodes, force, moment (K, L, ...), kinds, whether any depends on the
+    mass, J, round-off of both as a force per acceleration. loads: nodes, force, moment (K, L, ...), kinds, whether any depends on the
     attitude. method: am, af, beta, gamma. steps: length of the step before, lengths (n,), numbers of the load table and of
     the place (n,), whether to keep the state (n,). state: r, q, sigma, v, a, b, g (N, d), what each load adds: changed in
     place. work (L + 1,): of each load and of the driven ends so far, added to. kept: as state but for the loads, with a
-    leading axis, and work, iterations, residual. scratch: as for `newton`, with r, q, sigma, moved, b and coefficients.
-    Returns (steps made, iterations, residual evaluations, length of the last step, kept states).
+    leading axis, and work, iterations and residual, number of the step; the last state is kept in any case. scratch: as for `newton`, with r, q, sigma, moved, b and coefficients.
+    Returns (steps made, iterations, residual evaluations, kept states).
     """
-    nodes, left, right, is_held, owns, T, leads, lead_rows = rows
+    nodes, on_left, on_right, is_held, owns, T, leads, lead_rows = rows
     place, attitude, v_driven, a_driven, driven = places
-    mass, J, heaviest_mass, heaviest_J, extent = inertia
+    mass, J, force_grain, moment_grain = inertia
     load_nodes, force, moment, kinds, turning = loads
     tolerance, length, element, force_noise, moment_noise, closed, stiffness = limits
     am, af, beta, gamma = method
     h_before, h, load_of, place_of, keeps = steps
     r, q, sigma, v, a, b, g, each = state
-    kept_r, kept_q, kept_sigma, kept_v, kept_a, kept_b, kept_g, kept_work, told = kept
     g1, nodal, du, D, v1, a1, b1, each1, R, gap, r1, q1, sigma1, moved, b0, coefficients = scratch
     moves, none, controls = r.shape[1], np.empty((0, 0)), (20, False, False)
-    made = iterations = checks = n_kept = 0
+    made = iterations = checks = n_kept = done = 0
+    value = 0.0
     coefficients[1], coefficients[2], coefficients[3], coefficients[4] = am, af, beta, gamma
     for s in range(h.shape[0]):
         dt, fastest = h[s], 0.0
@@ -418,14 +434,14 @@ def run_steps(size, space, plane, beam, linear, rows, places, inertia, loads, li
         coefficients[0] = dt
         grows = (1.0 - am) / ((1.0 - af) * beta * dt * dt)
         bounds = (
-            tolerance, length, element, force_noise + ROUND_OFF * grows * heaviest_mass * extent,
-            moment_noise + ROUND_OFF * grows * heaviest_J, closed, stiffness,
+            tolerance, length, element, force_noise + grows * force_grain,
+            moment_noise + grows * moment_grain, closed, stiffness,
         )  # fmt: skip
         w, p = load_of[s], place_of[s]
-        held = (nodes, left, right, is_held, owns, place[p], attitude[p], T, leads, lead_rows)
+        held = (nodes, on_left, on_right, is_held, owns, place[p], attitude[p], T, leads, lead_rows)
         rates_before = (mass, J, r, q, v, a, b0, coefficients, driven, v_driven[p], a_driven[p])
         table = (load_nodes, force[w], moment[w], kinds, turning)
-        status, done, value = TOO_MANY, 0, 0.0
+        status = TOO_MANY
         for attempt in range(2):  # unresolved vibrations make b a bad guess
             part = 0.5 * dt * dt if attempt == 0 else 0.0
             for k in range(du.shape[0]):
@@ -438,32 +454,36 @@ def run_steps(size, space, plane, beam, linear, rows, places, inertia, loads, li
                 for i in range(moves):
                     moved[k, i] = du[k, i]
                     r1[k, i] = r[k, i] + du[k, i]
-            status, done, _, more, value, _, _ = newton(
+            status, taken, _, more, left, _, _ = newton(
                 size, space, plane, beam, linear, held, rates_before, table, none, bounds, controls, moved, r1, q1, sigma1,
                 (g1, nodal, du, D, v1, a1, b1, each1, R, gap),
             )  # fmt: skip
-            iterations += done
+            iterations += taken
             checks += more
             if status == CONVERGED:
                 break
         if status != CONVERGED:
             break
+        done, value = taken, left
         dot_rows(load_nodes, each, each1, D, work)
         total = 0.0
         for k in range(D.shape[0]):
             for i in range(D.shape[1]):
                 total += (g[k, i] + g1[k, i]) * D[k, i]
         work[load_nodes.shape[0]] += 0.5 * total
-        for source, target in ((r1, r), (q1, q), (v1, v), (a1, a), (b1, b), (g1, g), (each1, each)):
-            copy_rows(source, target)
+        copy_rows(r1, r)
+        copy_rows(q1, q)
+        copy_rows(v1, v)
+        copy_rows(a1, a)
+        copy_rows(b1, b)
+        copy_rows(g1, g)
+        copy_rows(each1, each)
         copy_memory(sigma1, sigma)
         made, h_before = made + 1, dt
         if keeps[s]:
-            for source, target in ((r, kept_r), (q, kept_q), (v, kept_v), (a, kept_a), (b, kept_b), (g, kept_g)):
-                copy_rows(source, target[n_kept])
-            copy_memory(sigma, kept_sigma[n_kept])
-            for m in range(work.shape[0]):
-                kept_work[n_kept, m] = work[m]
-            told[n_kept, 0], told[n_kept, 1] = done, tolerance * value
+            keep_state(state, kept, n_kept, work, done, tolerance * value, s)
             n_kept += 1
-    return made, iterations, checks, h_before, n_kept
+    if made > 0 and not keeps[made - 1]:
+        keep_state(state, kept, n_kept, work, done, tolerance * value, made - 1)
+        n_kept += 1
+    return made, iterations, checks, n_kept
