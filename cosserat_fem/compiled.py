@@ -22,8 +22,7 @@ from .kernels.beam import LANES
 from .kernels.step import newton, run_steps
 from .linear import segments_of
 from .model import Model
-from .plane import Plane
-from .space import Group, State
+from .space import State
 from .terms.external import NO_LOADS, NodalLoads
 from .terms.inertial import Driven, InertiaStep, Rates
 
@@ -82,7 +81,7 @@ def takes(model: Model) -> bool:
     return simple and all(getattr(term, "tabulated", False) for term in model.terms)
 
 
-class InSpace:
+class SpaceBorder:
     """Arrays of a model in space, as the kernel takes them."""
 
     size, kind = chain.SPACE, (True, None)
@@ -153,7 +152,7 @@ class InSpace:
         return self.model.symmetric
 
 
-class InPlane(InSpace):
+class PlaneBorder(SpaceBorder):
     """Arrays of a model that stays in a plane."""
 
     size, kind = chain.PLANE, (None, True)
@@ -208,7 +207,9 @@ class InPlane(InSpace):
     def _directions(self) -> tuple[np.ndarray, np.ndarray]:
         """Directions across and normal (2, P, 1, LANES) in the sections of each element."""
         node = self._place[2]
-        across, normal = (np.moveaxis(d[node][..., :2], -1, 0)[:, :, None] for d in (self.plane.across, self.plane.normal))
+        across, normal = (
+            np.moveaxis(d[node][..., :2], -1, 0)[:, :, None] for d in (self.plane.across, self.plane.normal)
+        )
         return across, normal
 
     def _strains(self, values: np.ndarray) -> np.ndarray:
@@ -275,9 +276,9 @@ class InPlane(InSpace):
         return not any(turning)
 
 
-def border(model: Model) -> InSpace:
+def border(model: Model) -> SpaceBorder:
     """The border of a model, made once."""
-    return InSpace(model) if model.plane is None else InPlane(model)
+    return SpaceBorder(model) if model.plane is None else PlaneBorder(model)
 
 
 class Compiled:
@@ -309,7 +310,7 @@ class Compiled:
         self._scales = s["length"], s["element"], s["size"], s["bending"] / s["element"]
 
     def table(self, t: float) -> tuple[tuple[Any, ...], bool]:
-        """All loads at a time, see `InSpace.loads`."""
+        """All loads at a time, see `SpaceBorder.loads`."""
         if self._table is None:
             terms: Sequence[Any] = self.model.terms
             loads = [term.table(t, self.model.space) for term in terms] or [NO_LOADS]
@@ -332,7 +333,7 @@ class Compiled:
         self, state: State, targets: Targets | None, offset: np.ndarray | None, iterations: int, tolerance: float, *,
         guarded: bool,
     ) -> Answer:  # fmt: skip
-        """Equilibrium from a state. targets: of the supports, default those of the state's time; offset (N, 6): added to g."""
+        """Equilibrium from a state. targets: of the supports, default those of its time; offset (N, 6): added to g."""
         b, D = self.border, self._arrays[0]
         r, q, sigma = b.take(state)
         rest = (NO_MASS, NO_OFFSET, r, q, D, D, D, NO_COEFFICIENTS, NO_NODES, NO_OFFSET, NO_OFFSET)
@@ -372,8 +373,8 @@ class Compiled:
         """One call of the kernel; `at`: place, attitude and stress memory, ours to be changed."""
         b, g = self.border, np.empty_like(self._du)
         status, k, solves, checks, residual, where, negative = newton(
-            b.size, *b.kind, (*b.beam, *tables, b.owner, b.shift), self.linear, (*b.rows, *b.holds(state.t, targets), *b.followers),
-            inertia, table, offset, self._limits(*wanted), controls, moved, *at,
+            b.size, *b.kind, (*b.beam, *tables, b.owner, b.shift), self.linear,
+            (*b.rows, *b.holds(state.t, targets), *b.followers), inertia, table, offset, self._limits(*wanted), controls, moved, *at,
             (g, nodal, self._du, *made, self.each, self._R, self._gap),
         )  # fmt: skip
         reason = REASONS[status].format(controls[0])
@@ -388,7 +389,6 @@ class Compiled:
             1e-12 * size, stiffness,
         )  # fmt: skip
 
-
     def run(
         self, start: Moving, plan: list[tuple[float, float, bool]], method: tuple[float, ...], tolerance: float,
         driven: Callable[[float], Driven],
@@ -399,7 +399,7 @@ class Compiled:
         integrator; driven: rates of held places at a time. Loads and supports are evaluated before the call.
         Returns how many were made, their iterations and residual evaluations, the kept states and the last one.
         """
-        b, model, d = self.border, self.model, len(self.border.size)
+        b, d = self.border, len(self.border.size)
         times, lengths = [t for t, _, _ in plan], np.array([h for _, h, _ in plan])
         keep = np.array([keeps for _, _, keeps in plan])
         loads, load_of = self._loads_at(times)
@@ -425,15 +425,16 @@ class Compiled:
             inertia, loads, self._limits(tolerance, (0.0, 0.0)), method, (start.h, lengths, load_of, place_of, keep), state,
             np.zeros(L + 1), kept, scratch,
         )  # fmt: skip
+        place, turned, memory = kept[:3]
+        v, a, aux, g = (b.in_space(array) for array in kept[3:7])
+        last = b.in_space(forces, loads[0])
         found = []
-        for m in range(n_kept):
-            k = int(kept[9][m])
-            place, turned, memory, v, a, aux, g = (array[m] for array in kept[:7])
+        for m, k in enumerate(kept[9][:n_kept].tolist()):
+            state = b.give(start.state.at_time(times[k]), place[m], turned[m], memory[m])
             found.append(
                 Moving(
-                    b.give(start.state.at_time(times[k]), place, turned, memory),
-                    Rates(b.in_space(v), b.in_space(a), b.in_space(aux)), b.in_space(g), b.in_space(forces, loads[0]),
-                    lengths[k], kept[7][m], bool(keep[k]), int(kept[8][m, 0]), float(kept[8][m, 1]),
+                    state, Rates(v[m], a[m], aux[m]), g[m], last, plan[k][1], kept[7][m], plan[k][2], int(kept[8][m, 0]),
+                    float(kept[8][m, 1]),
                 )
             )  # fmt: skip
         return made, (iterations, checks), found
@@ -471,7 +472,8 @@ def _number_joints(model: Model, segments: np.ndarray, d: int) -> tuple[np.ndarr
     ends = segments[:, 3:5]
     between = ends[(ends >= 0).all(axis=1)]
     n = len(joints)
-    graph = coo_matrix((np.ones(2 * len(between)), (np.r_[between[:, 0], between[:, 1]], np.r_[between[:, 1], between[:, 0]])), (n, n))
+    rows, columns = np.concatenate([between, between[:, ::-1]]).T
+    graph = coo_matrix((np.ones(len(rows)), (rows, columns)), (n, n))
     number = np.empty(n, dtype=np.int64)
     number[reverse_cuthill_mckee(graph.tocsr(), symmetric_mode=True)] = np.arange(n)
     segments[:, 3:5] = np.where(ends >= 0, number[ends], -1)

@@ -41,7 +41,7 @@ from .newton import Newton, Solved
 from .rates import NOBODY, Balance
 from .space import State
 from .terms.dissipative import damped_tables, tables_at_rate
-from .terms.inertial import Driven, InertiaStep, Rates
+from .terms.inertial import InertiaStep, Rates
 
 TOLERANCE = 1e-9  # relative residual of a time step
 SMALLEST = 1e-10  # of the duration: a step shorter than this ends the run

@@ -95,7 +95,9 @@ class LinearSolver:
                 at = held.at
                 chain.add_to_vertices(chain.SPACE, self.S, c.nodes[at], c.left[at], c.right[at], held.couples)
         if len(c.nodes):
-            chain.hold_vertices(chain.SPACE, self.S, self.rhs, vertex_rhs, c.nodes, c.left, c.right, c.held, held.gap, c.owner)
+            chain.hold_vertices(
+                chain.SPACE, self.S, self.rhs, vertex_rhs, c.nodes, c.left, c.right, c.held, held.gap, c.owner
+            )  # fmt: skip
         count = chain.eliminate_segments(
             chain.SPACE, self.S, self.rhs, vertex_rhs, self.segments, symmetric, self.kept, self.joint_S, self.joint_rhs
         )

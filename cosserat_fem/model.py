@@ -98,7 +98,7 @@ class Model:
 
     Attributes
     ----------
-    plane : Plane or None
+    plane : ScenePlane or None
         The plane in which the model is solved.
     plane_choice : str
         Why it is that one, or none.

@@ -6,8 +6,8 @@ and each fault is said by name. What depends on a function of time is not known 
 then checked at every call, one that the package should choose ("auto") is not taken.
 
 Every node keeps its distance from the plane and turns about the normal only: its quaternion is P o base with a constant
-`base` and P = (cos theta/2, sin theta/2 normal). Positions, quaternions and forces of a state are always those in space; this
-room translates. Whether a planar equilibrium would leave its plane cannot be seen in it: see `stability.out_of_plane`.
+`base` and P = (cos theta/2, sin theta/2 normal). Positions, quaternions and forces of a state are always those in space;
+this room translates. Whether a planar equilibrium would leave its plane cannot be seen in it: see `stability.out_of_plane`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ FLAT = 1e-9  # relative: what is less out of the plane lies in it
 
 
 @dataclass(frozen=True, eq=False)
-class Plane:
+class ScenePlane:
     """A plane and the constants that translate between it and space.
 
     name: "xy", "yz" or "xz"; axes: numbers of its two axes and its normal. base (N, 4): constant part of the quaternions;
@@ -62,7 +62,7 @@ class Plane:
         return np.ascontiguousarray(vectors[..., self.axes[:2]])
 
     def rates(self, values: np.ndarray, nodes: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Velocities or forces (..., n, 3) from those of nodes (..., n, 6): translation in space, rotation in section axes."""
+        """Velocities or forces (..., n, 3) of nodes from (..., n, 6): translation in space, rotation in section axes."""
         out = np.empty((*values.shape[:-1], 3))
         out[..., 0], out[..., 1] = values[..., self.axes[0]], values[..., self.axes[1]]
         out[..., 2] = (values[..., 3:] * self.normal[nodes]).sum(-1)
@@ -92,15 +92,14 @@ class Plane:
                 size = np.linalg.norm(given, axis=1)
                 if (size - kept > FLAT * size.max(initial=0.0)).any():
                     raise SceneError(
-                        f'model: plane = "{self.name}": a load that is a function of time leaves the plane. Leave `plane` out.'
+                        f'model: plane = "{self.name}": a load that is a function of time leaves the plane. '
+                        "Leave `plane` out."
                     )
         return np.ascontiguousarray(force), np.ascontiguousarray(moment[:, None])
 
     def check_pose(self, part: Part, t: float) -> None:
         """SceneError if a motion that could not be checked before leaves the plane."""
-        R, c = part.pose(t)
-        k = self.axes[2]
-        if abs(R[k, k] - 1.0) > FLAT or abs(c[k] - part.pose(part.drawn_at)[1][k]) > FLAT * max(1.0, np.abs(c).max()):
+        if not _stays(part, t, self.axes[2]):
             raise SceneError(
                 f'part {part.name!r}: leaves the plane "{self.name}" at t = {t:g} s. Leave `plane` out of the model.'
             )
@@ -114,7 +113,7 @@ class Plane:
 
 def choose_plane(
     wanted: str | None, space: Space, constraints: Constraints, terms: Sequence[Any]
-) -> tuple[Plane | None, str]:
+) -> tuple[ScenePlane | None, str]:
     """The plane of a model, if it has or should have one, and why.
 
     Raises
@@ -150,7 +149,7 @@ def _sentence(fault: str) -> str:
 
 def _find(
     name: str, space: Space, constraints: Constraints, terms: Sequence[Any]
-) -> tuple[Plane | None, list[str]]:
+) -> tuple[ScenePlane | None, list[str]]:
     """The plane of this name, or what leaves it."""
     axes = AXES[name]
     faults = list(_unknown(space, terms))
@@ -164,7 +163,7 @@ def _find(
     watched |= any(_is_function(part.motion) for part in constraints.moving_parts)
     if faults:
         return None, faults
-    return Plane(name, axes, base, across, normal, watched), []
+    return ScenePlane(name, axes, base, across, normal, watched), []
 
 
 def _unknown(space: Space, terms: Sequence[Any]) -> Iterator[str]:
@@ -179,7 +178,9 @@ def _unknown(space: Space, terms: Sequence[Any]) -> Iterator[str]:
             yield f"{term.name!r} has no planar form. Leave `plane` out to run the scene in space."
 
 
-def _sections(space: Space, axes: tuple[int, int, int], name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
+def _sections(
+    space: Space, axes: tuple[int, int, int], name: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
     """Constant part of the quaternions (N, 4), directions `across` and normal in section axes (N, 3), and faults."""
     drawn, k = space.drawn_state(), axes[2]
     base, across, normal = np.empty_like(drawn.q), np.empty((space.n_nodes, 3)), np.empty((space.n_nodes, 3))
@@ -269,7 +270,8 @@ def _is_function(motion: Any) -> bool:
 
 def _stays(part: Part, t: float, k: int) -> bool:
     R, c = part.pose(t)
-    return bool(abs(R[k, k] - 1.0) <= FLAT and abs(c[k] - part.pose(part.drawn_at)[1][k]) <= FLAT * max(1.0, np.abs(c).max()))
+    drawn = part.pose(part.drawn_at)[1][k]
+    return bool(abs(R[k, k] - 1.0) <= FLAT and abs(c[k] - drawn) <= FLAT * max(1.0, np.abs(c).max()))
 
 
 def _loads(

@@ -47,6 +47,7 @@ from .kernels import CompileClock
 from .mechanism import Hinge, Part
 from .scene import Scene, load_scene
 from .space import State
+from .stability import leaves_plane
 from .statics import solve_quasistatic, solve_static
 
 PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "pyvista", "vtk", "h5py", "pyamg")
@@ -357,6 +358,8 @@ class _Writer:
         }
         if history is not None and len(history):
             data |= describe(history, self.scene.parts)
+            if self.scene.tables.solve.out_of_plane and self.scene.model.plane is not None:
+                data["out_of_plane"] = _out_of_plane(history)
         data |= {
             "warnings": self.scene.model.warnings,
             "seconds": {"wall": self.phases.wall, "cpu": self.phases.cpu},
@@ -383,9 +386,11 @@ def describe(history: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
         "physics": {
             "terms": terms,
             "rotation": model.rotation,
+            "plane": model.plane.name if model.plane is not None else None,
+            "plane_choice": model.plane_choice,
             "supports": [str(h.name) for h in model.supports],
             "welds": len(model.welds),
-            "unknowns": 6 * model.space.n_nodes,
+            "unknowns": (6 if model.plane is None else 3) * model.space.n_nodes,
         },
         "rods": {rod.name: _describe_rod(history, rod) for rod in model.rods},
         "reactions": {str(h.name): _describe_reaction(history, h) for h in model.supports},
@@ -420,6 +425,18 @@ def _stability(history: History) -> str:
         return "not judged: a load has no potential"
     unstable = [f"{t:g}" for t, s in zip(history.t, history.stable, strict=True) if s is False]
     return f"unstable at t = {', '.join(unstable[:10])} s" if unstable else "stable at every station"
+
+
+def _out_of_plane(history: History) -> list[int | None]:
+    """In how many ways each state would leave the plane of its model; a warning if any would."""
+    ways = leaves_plane(history)
+    leaving = [f"{t:g}" for t, n in zip(history.t, ways, strict=True) if n]
+    if leaving:
+        history.model.warn(
+            f"at t = {', '.join(leaving[:5])}{' and more' if len(leaving) > 5 else ''} s a real rod would leave the plane "
+            f'"{history.model.plane.name}" of this run. Leave `plane` out to see where it goes.'  # type: ignore[union-attr]
+        )
+    return ways
 
 
 def _describe_rod(history: History, rod: Any) -> dict[str, Any]:

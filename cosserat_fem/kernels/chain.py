@@ -164,7 +164,7 @@ def eliminate_segments(size, S, rhs, vertex_rhs, segments, symmetric, kept, join
     Returns the number of negative pivots, or -1 - (node number) of a singular vertex.
     """
     d = len(size)
-    # a row of blocks: columns 0 .. d - 1 the next vertex (of `carry`: the vertex itself), d right-hand side, then the left joint
+    # a row of blocks: first the next vertex (of `carry`: the vertex itself), then right-hand side, then the left joint
     M, carry, joint = np.zeros((d, 3 * d + 1)), np.zeros((d, 2 * d + 1)), np.zeros((d, 2 * d + 1))
     negative = 0
     for g in range(segments.shape[0]):

@@ -4,7 +4,7 @@ The interpolation is the one that quaternion nodes have there. A node that turns
 the unit complex number p_a = exp(i theta_a / 2), the part of its quaternion that is not constant; with P = sum N_a p_a,
 D = sum N'_a p_a and x = sum N'_a r_a,
 
-    Gamma = (x1 + i x2) exp(-i arg P^2) (stretch, shear),      sigma + i K = 2 D / P,      stress (n1, n2, m) = C (strain - reference).
+    Gamma = (x1 + i x2) exp(-i arg P^2) (stretch, shear),    sigma + i K = 2 D / P,    stress (n1, n2, m) = C (strain - rest).
 
 Variations, with u_a = p_a / P = c0 + i c1 and the increments phi_a of the angles:
 
@@ -12,7 +12,8 @@ Variations, with u_a = p_a / P = c0 + i c1 and the increments phi_a of the angle
     dGamma = xi + omega (Gamma2, -Gamma1),        dK = Y - (sigma omega + K rho) / 2
 
     second variation at fixed (n, m):
-    2 omega (n1 xi2 - n2 xi1) - omega^2 n.Gamma - a rho omega + m [sigma rho omega + K (rho^2 - omega^2) / 2 - zeta0 omega - Y rho]
+    2 omega (n1 xi2 - n2 xi1) - omega^2 n.Gamma - a rho omega
+    + m [sigma rho omega + K (rho^2 - omega^2) / 2 - zeta0 omega - Y rho]
     - 1/2 sum phi_a^2 [N_a (c0 F_rho + c1 F_omega) + N'_a c1 m],      a = n1 Gamma2 - n2 Gamma1,
 
 F_rho = -m K / 2 and F_omega = a - m sigma / 2 being the gradient. It is `kernels.beam` with everything out of the plane
@@ -179,7 +180,10 @@ def tangent_column(N, N_s, oa, c, oc, M, sigma, C, dx, V):
         V[0 * LANES + l], V[1 * LANES + l] = cosine * x0 - sine * x1, sine * x0 + cosine * x1
         V[2 * LANES + l] = 0.5 * (m * (s * omega + K * rho - Y) - a * omega - K * t2)
         V[3 * LANES + l] = (
-            G1 * t0 - G0 * t1 - (n0 * G0 + n1 * G1) * omega + 0.5 * (m * (s * rho - K * omega - zeta) - a * rho - s * t2)
+            G1 * t0
+            - G0 * t1
+            - (n0 * G0 + n1 * G1) * omega
+            + 0.5 * (m * (s * rho - K * omega - zeta) - a * rho - s * t2)
         )
         V[4 * LANES + l] = -0.5 * m * omega
         V[5 * LANES + l] = t2 - 0.5 * m * rho
@@ -429,7 +433,26 @@ def residual(conn, n_elements, N, N_s, dx, C, reference, r, q, g):
 
 @kernel
 def assemble(
-    conn, n_elements, N, N_s, dx, C, reference, sigma, r, q, g, owner, nodal, shift, mu, symmetric, S, rhs, factor, matrices
+    conn,
+    n_elements,
+    N,
+    N_s,
+    dx,
+    C,
+    reference,
+    sigma,
+    r,
+    q,
+    g,
+    owner,
+    nodal,
+    shift,
+    mu,
+    symmetric,
+    S,
+    rhs,
+    factor,
+    matrices,
 ):
     """As `condense.assemble`, in a plane: g (N, 3), nodal (N, 3, 3) or empty, sigma (P, Q, 3 * LANES).
 

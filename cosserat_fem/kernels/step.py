@@ -179,7 +179,7 @@ def find_gap(size, space, plane, held, r, q, gap):
 
 @inner
 def along_unknowns(size, held, g):
-    """Residual (N, d) along the unknowns of special vertices; the shares of welded ones are moved to the first of a joint."""
+    """Residual (N, d) along the unknowns of special vertices; shares of welded ones are moved to the first of a joint."""
     nodes, place, T, lead = held[0], held[5], held[7], held[8]
     n, d = place.shape[0], len(size)
     if T.shape[0] == 0 and lead.shape[0] == 0:
@@ -232,14 +232,16 @@ def solve(size, space, plane, beam, linear, held, gap, g, symmetric, du):
 
 
 @kernel
-def newton(size, space, plane, beam, linear, held, inertia, loads, offset, limits, controls, moved, r, q, sigma, scratch):
+def newton(
+    size, space, plane, beam, linear, held, inertia, loads, offset, limits, controls, moved, r, q, sigma, scratch
+):
     """Solve in place: place r, attitude q and the stress memory sigma of all nodes, from their prediction.
 
     In time the displacement `moved` is summed up by itself: as a difference of places it would lose digits, and with it
     momentum.
 
-    size: see `chain`; space, plane: True and None, or None and True. beam: conn, number of elements, N, N_s, dx, C, C_full (None in a plane), reference, owner, shift.
-    linear: scratch of the chain; nodes of joints and which joint each belongs to; scratch of the joints. held: nodes, left,
+    size: see `chain`; space, plane: True and None, or None and True. beam: conn, number of elements, N, N_s, dx, C, C_full
+    (None in a plane), reference, owner, shift. linear: scratch of the chain; nodes of joints and which joint each belongs to; scratch of the joints. held: nodes, left,
     right, held, owner (M, ...), place and attitude of the supports (n, ...), T (M, d, d) or empty, and for the welded ones
     that follow (M - n,) the node and the support (or -1) of their joint's first. inertia: mass (empty: at rest), J, r0, q0,
     v0, a0, b0, coefficients, driven, v_driven, a_driven. loads: nodes, force, moment, kinds, whether any depends on the
@@ -395,13 +397,15 @@ def keep_state(state, kept, m, work, iterations, value, step):
 
 
 @kernel
-def run_steps(size, space, plane, beam, linear, rows, places, inertia, loads, limits, method, steps, state, work, kept, scratch):
+def run_steps(
+    size, space, plane, beam, linear, rows, places, inertia, loads, limits, method, steps, state, work, kept, scratch
+):
     """Steps in time, each as `integrator.Run` makes it with a fixed step, until one fails or turns a section too far.
 
     rows: nodes, left, right, held, owner of supported vertices; T; leader and its support of welded ones. places: for each
     of some times place, attitude (K, n, ...) of the supports, driven rates v, a (K, M, d) and driven nodes (M,). inertia:
-    mass, J, round-off of both as a force per acceleration. loads: nodes, force, moment (K, L, ...), kinds, whether any depends on the
-    attitude. method: am, af, beta, gamma. steps: length of the step before, lengths (n,), numbers of the load table and of
+    mass, J, round-off of both as a force per acceleration. loads: nodes, force, moment (K, L, ...), kinds, whether any
+    depends on the attitude. method: am, af, beta, gamma. steps: length of the step before, lengths (n,), numbers of the load table and of
     the place (n,), whether to keep the state (n,). state: r, q, sigma, v, a, b, g (N, d), what each load adds: changed in
     place. work (L + 1,): of each load and of the driven ends so far, added to. kept: as state but for the loads, with a
     leading axis, and work, iterations and residual, number of the step; the last state is kept in any case. scratch: as for `newton`, with r, q, sigma, moved, b and coefficients.

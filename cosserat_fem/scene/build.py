@@ -99,7 +99,8 @@ class Builder:
             terms.insert(0, Gravity(self.tables.gravity.acceleration))
         supports = list(self.supports.values())
         try:
-            model = Model(list(self.rods.values()), supports, terms, rotation=self.tables.solve.rotation)
+            solve = self.tables.solve
+            model = Model(list(self.rods.values()), supports, terms, rotation=solve.rotation, plane=solve.plane)
         except KardanError as error:
             raise SceneError(self.source.fault(("solve", "rotation"), str(error))) from None
         except SceneError as error:
@@ -116,6 +117,8 @@ class Builder:
         }
         named |= {("part", part.name): ("part", k) for k, part in enumerate(self.tables.part)}
         named |= {("support", str(h.name)): ("support", k) for k, h in self.supports.items() if isinstance(h, Support)}
+        if message.startswith("model: plane"):
+            return self.source.fault(("solve", "plane"), message.removeprefix("model: "))
         path = named.get((match.group(1), match.group(3)), ()) if match else ()
         contact = self.contact_of(message)
         if contact:

@@ -424,6 +424,8 @@ class SolveTable(Table):
     duration: quantity("time") | None = None
     times: list[quantity("time")] | None = None
     rotation: Literal["quaternion", "kardan"] = "quaternion"
+    plane: Literal["xy", "yz", "xz", "auto"] | None = None
+    out_of_plane: Flag = False
     start: Literal["equilibrium", "drawn"] = "equilibrium"
     velocity: VelocityTable | None = None
     rho_inf: quantity("number") = 0.8
