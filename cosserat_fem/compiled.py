@@ -374,8 +374,8 @@ class Compiled:
         b, g = self.border, np.empty_like(self._du)
         status, k, solves, checks, residual, where, negative = newton(
             b.size, *b.kind, (*b.beam, *tables, b.owner, b.shift), self.linear,
-            (*b.rows, *b.holds(state.t, targets), *b.followers), inertia, table, offset, self._limits(*wanted), controls, moved, *at,
-            (g, nodal, self._du, *made, self.each, self._R, self._gap),
+            (*b.rows, *b.holds(state.t, targets), *b.followers), inertia, table, offset, self._limits(*wanted), controls,
+            moved, *at, (g, nodal, self._du, *made, self.each, self._R, self._gap),
         )  # fmt: skip
         reason = REASONS[status].format(controls[0])
         return Answer(b.give(state, *at), b.in_space(g), k, solves, checks, residual, where, negative, reason)

@@ -4,7 +4,7 @@ The interpolation is the one that quaternion nodes have there. A node that turns
 the unit complex number p_a = exp(i theta_a / 2), the part of its quaternion that is not constant; with P = sum N_a p_a,
 D = sum N'_a p_a and x = sum N'_a r_a,
 
-    Gamma = (x1 + i x2) exp(-i arg P^2) (stretch, shear),    sigma + i K = 2 D / P,    stress (n1, n2, m) = C (strain - rest).
+    Gamma = (x1 + i x2) exp(-i arg P^2) (stretch, shear),  sigma + i K = 2 D / P,  stress (n1, n2, m) = C (strain - rest).
 
 Variations, with u_a = p_a / P = c0 + i c1 and the increments phi_a of the angles:
 
@@ -193,7 +193,7 @@ def tangent_column(N, N_s, oa, c, oc, M, sigma, C, dx, V):
 def add_upper(N, N_s, oa, oe, c, oc, V, D, X, x0, x1, t):
     """Add one block on or above the diagonal, but for its row of the moment under displacements.
 
-    N, oa, oc: node of the rows; oe: of the columns; x0, x1, t: offsets of its rows of the force and of its row of the moment.
+    N, oa, oc: node of the rows; oe: of the columns; x0, x1, t: offsets of its rows of the force and of the moment.
     """
     for l in range(LANES):
         u = np.uint64(l)

@@ -241,8 +241,8 @@ def newton(
     momentum.
 
     size: see `chain`; space, plane: True and None, or None and True. beam: conn, number of elements, N, N_s, dx, C, C_full
-    (None in a plane), reference, owner, shift. linear: scratch of the chain; nodes of joints and which joint each belongs to; scratch of the joints. held: nodes, left,
-    right, held, owner (M, ...), place and attitude of the supports (n, ...), T (M, d, d) or empty, and for the welded ones
+    (None in a plane), reference, owner, shift. linear: scratch of the chain; nodes of joints and which joint each belongs
+    to; scratch of the joints. held: nodes, left, right, held, owner (M, ...), place and attitude of the supports (n, ...), T (M, d, d) or empty, and for the welded ones
     that follow (M - n,) the node and the support (or -1) of their joint's first. inertia: mass (empty: at rest), J, r0, q0,
     v0, a0, b0, coefficients, driven, v_driven, a_driven. loads: nodes, force, moment, kinds, whether any depends on the
     attitude. offset (N, d) or empty: added to the residual. limits: tolerance, length, mean element, round-off of forces, of
@@ -405,10 +405,11 @@ def run_steps(
     rows: nodes, left, right, held, owner of supported vertices; T; leader and its support of welded ones. places: for each
     of some times place, attitude (K, n, ...) of the supports, driven rates v, a (K, M, d) and driven nodes (M,). inertia:
     mass, J, round-off of both as a force per acceleration. loads: nodes, force, moment (K, L, ...), kinds, whether any
-    depends on the attitude. method: am, af, beta, gamma. steps: length of the step before, lengths (n,), numbers of the load table and of
-    the place (n,), whether to keep the state (n,). state: r, q, sigma, v, a, b, g (N, d), what each load adds: changed in
+    depends on the attitude. method: am, af, beta, gamma. steps: length of the step before, lengths (n,), numbers of the load
+    table and of the place (n,), whether to keep the state (n,). state: r, q, sigma, v, a, b, g (N, d), what each load adds: changed in
     place. work (L + 1,): of each load and of the driven ends so far, added to. kept: as state but for the loads, with a
-    leading axis, and work, iterations and residual, number of the step; the last state is kept in any case. scratch: as for `newton`, with r, q, sigma, moved, b and coefficients.
+    leading axis, and work, iterations and residual, number of the step; the last state is kept in any case. scratch: as for
+    `newton`, with r, q, sigma, moved, b and coefficients.
     Returns (steps made, iterations, residual evaluations, kept states).
     """
     nodes, on_left, on_right, is_held, owns, T, leads, lead_rows = rows
@@ -458,11 +459,11 @@ def run_steps(
                 for i in range(moves):
                     moved[k, i] = du[k, i]
                     r1[k, i] = r[k, i] + du[k, i]
-            status, taken, _, more, left, _, _ = newton(
+            status, taken, solved, more, left, _, _ = newton(
                 size, space, plane, beam, linear, held, rates_before, table, none, bounds, controls, moved, r1, q1, sigma1,
                 (g1, nodal, du, D, v1, a1, b1, each1, R, gap),
             )  # fmt: skip
-            iterations += taken
+            iterations += solved
             checks += more
             if status == CONVERGED:
                 break
