@@ -9,8 +9,8 @@ they are; in a plane it keeps what lies in the plane.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, cast
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -22,6 +22,7 @@ from .kernels.beam import LANES
 from .kernels.step import newton, run_steps
 from .linear import segments_of
 from .model import Model
+from .plane import ScenePlane
 from .space import State
 from .terms.external import NO_LOADS, NodalLoads
 from .terms.inertial import Driven, InertiaStep, Rates
@@ -66,7 +67,7 @@ class Moving:
     g: np.ndarray
     loads: np.ndarray
     h: float
-    work: np.ndarray | None = None
+    work: np.ndarray = field(default_factory=lambda: NO_MASS)
     keeps: bool = False
     iterations: int = 0
     residual: float = 0.0
@@ -84,7 +85,8 @@ def takes(model: Model) -> bool:
 class SpaceBorder:
     """Arrays of a model in space, as the kernel takes them."""
 
-    size, kind = chain.SPACE, (True, None)
+    size: tuple[int, ...] = chain.SPACE
+    kind: tuple[Any, Any] = (True, None)  # in space, in a plane
 
     def __init__(self, model: Model) -> None:
         space, c = model.space, model.constraints
@@ -158,7 +160,8 @@ class PlaneBorder(SpaceBorder):
     size, kind = chain.PLANE, (None, True)
 
     def __init__(self, model: Model) -> None:
-        plane = self.plane = model.plane  # type: ignore[assignment]
+        plane = cast(ScenePlane, model.plane)
+        self.plane = plane
         node = np.ascontiguousarray(model.space.groups[0].packed_conn[:, 0])
         self._place = (plane.axes, plane.base, node, plane.across, plane.normal)
         super().__init__(model)
@@ -229,7 +232,8 @@ class PlaneBorder(SpaceBorder):
         return flat, p, sigma
 
     def give(self, state: State, r: np.ndarray, q: np.ndarray, sigma: np.ndarray) -> State:
-        place, turned, stress = state.r.copy(), np.empty_like(state.q), np.empty((*sigma.shape[:2], 6 * LANES))
+        place, turned, stress = np.empty_like(state.r), np.empty_like(state.q), np.empty((*sigma.shape[:2], 6 * LANES))
+        place[:, self.plane.axes[2]] = self.plane.height
         planar.leave(*self._place, r, q, sigma, place, turned, stress)
         return replace(state, r=place, q=turned, stress=(stress,))
 

@@ -34,13 +34,14 @@ FLAT = 1e-9  # relative: what is less out of the plane lies in it
 class ScenePlane:
     """A plane and the constants that translate between it and space.
 
-    name: "xy", "yz" or "xz"; axes: numbers of its two axes and its normal. base (N, 4): constant part of the quaternions;
+    name: "xy", "yz" or "xz"; axes: numbers of its two axes and its normal. height (N,) [m]: of nodes along the normal; base (N, 4): constant part of the quaternions;
     across, normal (N, 3): in the section's axes, the direction in the plane that is the section's tangent turned by 90 deg,
     and the plane's normal. watched: a load or motion is a function of time, to be checked at every call.
     """
 
     name: str
     axes: tuple[int, int, int]
+    height: np.ndarray
     base: np.ndarray
     across: np.ndarray
     normal: np.ndarray
@@ -163,7 +164,7 @@ def _find(
     watched |= any(_is_function(part.motion) for part in constraints.moving_parts)
     if faults:
         return None, faults
-    return ScenePlane(name, axes, base, across, normal, watched), []
+    return ScenePlane(name, axes, space.drawn_state().r[:, axes[2]].copy(), base, across, normal, watched), []
 
 
 def _unknown(space: Space, terms: Sequence[Any]) -> Iterator[str]:
@@ -258,7 +259,7 @@ def _supports(constraints: Constraints, axes: tuple[int, int, int], name: str) -
         elif _is_function(motion):
             continue  # known only when it is asked
         else:
-            stays = all(_stays(part, float(t), k) for t in motion.motion[0])
+            stays = all(_stays(part, float(t), k) for t in motion.motion[0])  # type: ignore[union-attr]
         if not stays:
             yield f"part {part.name!r} moves out of it."
 

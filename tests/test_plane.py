@@ -187,6 +187,18 @@ def test_neutral_spin_out_of_the_plane_needs_no_support():
     np.testing.assert_allclose(history.positions("rod")[0, -1, :2], 0, atol=1e-9)
 
 
+def test_column_buckles_in_its_plane():
+    """Above Euler's load the straight state is left for a stable one; the start beside it does not lead out of the plane."""
+    section = cf.Section(force_stiffness=(1e4,) * 3, moment_stiffness=(1.0, 1.0, 0.8))
+    rod = cf.Rod("column", section, [(0, 0, 0), (1, 0, 0)], n_elements=6)
+    load = cf.PointLoad(rod, "end", force=(-1.2 * np.pi**2 / 4, 0, 0))
+    model = cf.Model([rod], [cf.Clamp(rod, "start")], [load], plane="xy")
+    history = cf.solve_static(model)
+    tip = history.positions("column")[0, -1]
+    assert history.stable == [True] and abs(tip[1]) > 0.3 and tip[2] == 0.0
+    assert any("it was left for a stable one" in warning for warning in model.warnings)
+
+
 # what "auto" decides
 
 
