@@ -215,7 +215,7 @@ def out(change):
 
 
 ROUND = cf.Section.round(0.01, youngs_modulus=1e7, poisson_ratio=0.3, density=1000.0)
-COUPLED = cf.Section(coupled=np.diag([4.0, 5, 10, 0.1, 0.2, 0.1]) + 0.01 * (np.eye(6, k=5) + np.eye(6, k=-5)))
+COUPLED = cf.Section(coupled=np.diag([4.0, 5, 10, 0.1, 0.2, 0.1]) + 0.01 * (np.eye(6, k=3) + np.eye(6, k=-3)))
 TILTED = [[0.6, 0, 0.8], [0, 1, 0], [-0.8, 0, 0.6]]
 OUT = {
     "rod": (

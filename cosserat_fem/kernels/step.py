@@ -201,22 +201,22 @@ def along_unknowns(size, held, g):
 
 
 @inner
-def solve(size, space, plane, beam, linear, held, gap, g, symmetric, du):
-    """du (N, d) from the condensed tangent; g is used up. Returns (negative pivots, singular node or -1)."""
+def solve(size, space, plane, beam, linear, held, gap, g, symmetric, left, du):
+    """du (N, d) from the condensed tangent; left (N, d): scratch. Returns (negative pivots, singular node or -1)."""
     S, rhs, factor, segments, kept, joint_S, joint_rhs, joint_nodes, joint_index, band, y = linear
-    nodes, left, right, is_held, owns, _, _, T, _, _ = held
+    nodes, on_left, on_right, is_held, owns, _, _, T, _, _ = held
     for k in range(g.shape[0]):
         for i in range(len(size)):
-            g[k, i] = -g[k, i]
+            left[k, i] = -g[k, i]
     if T.shape[0] > 0:
-        transform_vertices(size, S, rhs, g, nodes, left, right, T)
+        transform_vertices(size, S, rhs, left, nodes, on_left, on_right, T)
     if nodes.shape[0] > 0:
-        hold_vertices(size, S, rhs, g, nodes, left, right, is_held, gap, owns)
-    negative = eliminate_segments(size, S, rhs, g, segments, symmetric, kept, joint_S, joint_rhs)
+        hold_vertices(size, S, rhs, left, nodes, on_left, on_right, is_held, gap, owns)
+    negative = eliminate_segments(size, S, rhs, left, segments, symmetric, kept, joint_S, joint_rhs)
     if negative < 0:
         return 0, -1 - negative
     if joint_nodes.shape[0] > 0:
-        more = solve_joints(size, segments, joint_S, joint_rhs, g, joint_nodes, joint_index, band, y)
+        more = solve_joints(size, segments, joint_S, joint_rhs, left, joint_nodes, joint_index, band, y)
         if more < 0:
             return 0, joint_nodes[0]
         negative += more
@@ -242,7 +242,8 @@ def newton(
 
     size: see `chain`; space, plane: True and None, or None and True. beam: conn, number of elements, N, N_s, dx, C, C_full
     (None in a plane), reference, owner, shift. linear: scratch of the chain; nodes of joints and which joint each belongs
-    to; scratch of the joints. held: nodes, left, right, held, owner (M, ...), place and attitude of the supports (n, ...), T (M, d, d) or empty, and for the welded ones
+    to; scratch of the joints. held: nodes, left, right, held, owner (M, ...), place and attitude of the supports (n, ...),
+    T (M, d, d) or empty, and for the welded ones
     that follow (M - n,) the node and the support (or -1) of their joint's first. inertia: mass (empty: at rest), J, r0, q0,
     v0, a0, b0, coefficients, driven, v_driven, a_driven. loads: nodes, force, moment, kinds, whether any depends on the
     attitude. offset (N, d) or empty: added to the residual. limits: tolerance, length, mean element, round-off of forces, of
@@ -256,7 +257,7 @@ def newton(
     g, nodal, du, D, v, a, b, each, R, gap = scratch
     nodes, is_held, n = held[0], held[3], held[5].shape[0]
     in_time = inertia[0].shape[0] > 0
-    no_nodal, r0 = nodal[:0], inertia[2]
+    no_nodal, r0, left = nodal[:0], inertia[2], np.empty_like(g)
     done = checks = solves = 0
     before, small, near, cheap = np.inf, False, False, False
     value, where, negative, mu = np.inf, 0, -1, SMALLEST_SHIFT if guarded else 0.0
@@ -303,7 +304,7 @@ def newton(
                 if loads[0].shape[0] > 0:
                     outside(space, plane, loads, q, each, R, again, nodal)
                 _, _, pivots = add_tangent(space, plane, beam, linear, r, q, sigma, again, nodal, mu, symmetric)
-                negative, bad = solve(size, space, plane, beam, linear, held, gap, again, symmetric, du)
+                negative, bad = solve(size, space, plane, beam, linear, held, gap, again, symmetric, left, du)
                 negative = negative + pivots if bad < 0 else -1
             return CONVERGED, done, solves, checks, value, where, negative
         if cheap:
@@ -313,7 +314,7 @@ def newton(
             return TOO_MANY, done, solves, checks, value, where, negative
         near = small and mu <= SMALLEST_SHIFT  # stability counts only without the shift
         solves += 1
-        count, bad = solve(size, space, plane, beam, linear, held, gap, g, symmetric, du)
+        count, bad = solve(size, space, plane, beam, linear, held, gap, g, symmetric, left, du)
         if guarded and (bad >= 0 or (symmetric and count + pivots > 0)):
             if mu > LARGEST_SHIFT:
                 return INDEFINITE, done, solves, checks, value, where, negative
@@ -406,8 +407,8 @@ def run_steps(
     of some times place, attitude (K, n, ...) of the supports, driven rates v, a (K, M, d) and driven nodes (M,). inertia:
     mass, J, round-off of both as a force per acceleration. loads: nodes, force, moment (K, L, ...), kinds, whether any
     depends on the attitude. method: am, af, beta, gamma. steps: length of the step before, lengths (n,), numbers of the load
-    table and of the place (n,), whether to keep the state (n,). state: r, q, sigma, v, a, b, g (N, d), what each load adds: changed in
-    place. work (L + 1,): of each load and of the driven ends so far, added to. kept: as state but for the loads, with a
+    table and of the place (n,), whether to keep the state (n,). state: r, q, sigma, v, a, b, g (N, d), what each load adds:
+    changed in place. work (L + 1,): of each load and of the driven ends so far, added to. kept: as state but for the loads, with a
     leading axis, and work, iterations and residual, number of the step; the last state is kept in any case. scratch: as for
     `newton`, with r, q, sigma, moved, b and coefficients.
     Returns (steps made, iterations, residual evaluations, kept states).
