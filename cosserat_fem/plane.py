@@ -34,9 +34,10 @@ FLAT = 1e-9  # relative: what is less out of the plane lies in it
 class ScenePlane:
     """A plane and the constants that translate between it and space.
 
-    name: "xy", "yz" or "xz"; axes: numbers of its two axes and its normal. height (N,) [m]: of nodes along the normal; base (N, 4): constant part of the quaternions;
-    across, normal (N, 3): in the section's axes, the direction in the plane that is the section's tangent turned by 90 deg,
-    and the plane's normal. watched: a load or motion is a function of time, to be checked at every call.
+    name: "xy", "yz" or "xz"; axes: numbers of its two axes and its normal. height (N,) [m]: of nodes along the normal; base
+    (N, 4): constant part of the quaternions; across, normal (N, 3): in the section's axes, the direction in the plane that is
+    the section's tangent turned by 90 deg, and the plane's normal. watched: a load or motion is a function of time, to be
+    checked at every call.
     """
 
     name: str

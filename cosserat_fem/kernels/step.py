@@ -408,9 +408,9 @@ def run_steps(
     mass, J, round-off of both as a force per acceleration. loads: nodes, force, moment (K, L, ...), kinds, whether any
     depends on the attitude. method: am, af, beta, gamma. steps: length of the step before, lengths (n,), numbers of the load
     table and of the place (n,), whether to keep the state (n,). state: r, q, sigma, v, a, b, g (N, d), what each load adds:
-    changed in place. work (L + 1,): of each load and of the driven ends so far, added to. kept: as state but for the loads, with a
-    leading axis, and work, iterations and residual, number of the step; the last state is kept in any case. scratch: as for
-    `newton`, with r, q, sigma, moved, b and coefficients.
+    changed in place. work (L + 1,): of each load and of the driven ends so far, added to. kept: as state but for the loads,
+    with a leading axis, and work, iterations and residual, number of the step; the last state is kept in any case. scratch:
+    as of `newton`, with r, q, sigma, moved, b and coefficients.
     Returns (steps made, iterations, residual evaluations, kept states).
     """
     nodes, on_left, on_right, is_held, owns, T, leads, lead_rows = rows
