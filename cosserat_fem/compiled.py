@@ -393,6 +393,11 @@ class Compiled:
             1e-12 * size, stiffness,
         )  # fmt: skip
 
+    @property
+    def runs(self) -> bool:
+        """True if `run` takes the model: fully coupled sections in space are rare, and compiling takes half a minute."""
+        return self.border.tables[3] is None
+
     def run(
         self, start: Moving, plan: list[tuple[float, float, bool]], method: tuple[float, ...], tolerance: float,
         driven: Callable[[float], Driven],

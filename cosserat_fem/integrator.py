@@ -52,7 +52,7 @@ LONGER, SAFETY = 1.5, 0.8  # growth of a step; aim at this part of the step that
 RUBBED = 0.1  # part of the work of friction in a step that may be missing
 GAINED, LOST = 1e-6, 2e-3  # parts of the largest energy that contact may add in all, or take in a step, by itself
 LITTLE = 1e-3  # of that: added in one step, it is none
-TOGETHER = 500  # steps in one compiled call at most: a run can be interrupted between them
+TOGETHER = 20_000  # steps times nodes in one compiled call: a run can be interrupted between calls
 SHORT = 1e-3  # part of a step over which a strain rate is measured
 BEFORE = 1e-13  # of the duration: how long before a jump of a load the step that ends there is evaluated
 
@@ -314,7 +314,7 @@ class Run:
 
         With a callback up to the next state that is kept.
         """
-        if self._compiled is None or isinstance(self.step, AdaptiveStep) or self._dampers:
+        if self._compiled is None or not self._compiled.runs or isinstance(self.step, AdaptiveStep) or self._dampers:
             return False
         plan = self._plan()
         if len(plan) < 2:
@@ -345,7 +345,8 @@ class Run:
         plan: list[tuple[float, float, bool]] = []
         near, t = SMALLEST * (self.end - self.begin_time), self.state.t
         k = int(np.searchsorted(self._stops, t + near))
-        while k < len(self._stops) and len(plan) < TOGETHER:
+        most = max(1, TOGETHER // self.model.space.n_nodes)
+        while k < len(self._stops) and len(plan) < most:
             stop, (jumps, settles, keeps) = float(self._stops[k]), self._at_stop[k]
             left = stop - t
             n = max(1, int(np.ceil(left / self.wanted_h - 1e-9)))

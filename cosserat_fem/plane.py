@@ -35,8 +35,8 @@ class ScenePlane:
     """A plane and the constants that translate between it and space.
 
     name: "xy", "yz" or "xz"; axes: numbers of its two axes and its normal. height (N,) [m]: of nodes along the normal; base
-    (N, 4): constant part of the quaternions; across, normal (N, 3): in the section's axes, the direction in the plane that is
-    the section's tangent turned by 90 deg, and the plane's normal. watched: a load or motion is a function of time, to be
+    (N, 4): constant part of the quaternions; across, normal (N, 3): in the section's axes, the direction in the plane that
+    is the section's tangent turned by 90 deg, and the plane's normal. watched: a load or motion is a function of time, to be
     checked at every call.
     """
 
