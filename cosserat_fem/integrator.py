@@ -321,10 +321,13 @@ class Run:
             return False
         loads = np.concatenate(self.forces) if self.forces else np.empty((0, 6))
         c, nodes = self.model.constraints, self.balance.nodes
-        made, counts, found = self._compiled.run(
-            Moving(self.state, self.rates, self.g, loads, self.h), plan, self._method, TOLERANCE,
-            lambda t: self.balance.driven(*c.driven(t, before=True)) if len(nodes) else NOBODY,
-        )  # fmt: skip
+        try:
+            made, counts, found = self._compiled.run(
+                Moving(self.state, self.rates, self.g, loads, self.h), plan, self._method, TOLERANCE,
+                lambda t: self.balance.driven(*c.driven(t, before=True)) if len(nodes) else NOBODY,
+            )  # fmt: skip
+        except ValueError:  # something has no value at a later step: go there one by one
+            return False
         self.newton.count(*counts)
         self.steps += [(t, h, 0.0, True) for t, h, _ in plan[:made]]
         before = dict(self.work)
