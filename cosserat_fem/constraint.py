@@ -112,7 +112,7 @@ class Constraints:
         return list(self._moving)
 
     def targets(self, t: float) -> Targets:
-        """Places and attitudes of all supports at time t, from the motion of their parts; those of recent times are known."""
+        """Places and attitudes of all supports at time t, from the motion of their parts; recent times are known."""
         if t not in self._known:
             if len(self._known) >= KNOWN:
                 self._known.clear()

@@ -128,7 +128,7 @@ def run_scene(
 
     def first() -> None:
         if announce is not None:
-            announce("Compiling the kernels, once for this machine and version: about 20 seconds.")
+            announce("Compiling the kernels, once for this machine and version: about a minute.")
 
     clock = CompileClock(first)
     reason, history = "", None
