@@ -59,6 +59,7 @@ _HOMES = {
     "CurveGeometry": "curve",
     "curve_geometry": "curve",
     "rebuild_curve": "curve",
+    "out_of_plane": "stability",
     "load_scene": "scene",
     "Scene": "scene",
     "run_scene": "run",
@@ -89,6 +90,7 @@ if TYPE_CHECKING:
     from .section import Section
     from .shapes import Box, Capsule, Cylinder, Plane, Sphere, Torus
     from .space import State
+    from .stability import out_of_plane
     from .statics import solve_quasistatic, solve_static
     from .support import Clamp, Pin, Weld
     from .surface import Surface

@@ -28,9 +28,11 @@ from .kernels.rotation import (
     quaternion_from_vector,
     relative_rotation,
 )
+from .mechanism import Part
 from .space import Space, State
 from .support import COMPONENTS, Support, Weld
 
+KNOWN = 256  # times whose targets are remembered: they are checked before a travel, then asked for again
 NO_BLOCKS, NO_ROWS = np.empty((0, 6, 6)), np.empty(0, dtype=np.int64)
 
 
@@ -100,11 +102,24 @@ class Constraints:
             part: np.array([row for row, h in enumerate(self.supports) if h.to is part])
             for part in {h.to for h in self.supports if h.to.motion is not None}
         }
+        self._known: dict[float, Targets] = {}
         self.tilted = [row for row, h in enumerate(self.supports) if _is_tilted(h)]
         self.transforms = bool(self.tilted) or len(follow) > 0
 
+    @property
+    def moving_parts(self) -> list[Part]:
+        """Parts with a motion that hold a rod."""
+        return list(self._moving)
+
     def targets(self, t: float) -> Targets:
-        """Places and attitudes of all supports at time t, from the motion of their parts."""
+        """Places and attitudes of all supports at time t, from the motion of their parts; recent times are known."""
+        if t not in self._known:
+            if len(self._known) >= KNOWN:
+                self._known.clear()
+            self._known[t] = self._find_targets(t)
+        return self._known[t]
+
+    def _find_targets(self, t: float) -> Targets:
         place, attitude, axes = self._drawn_r.copy(), self._drawn_R.copy(), self._frame.copy()
         for part, rows in self._moving.items():
             R, c = part.pose(t)

@@ -77,7 +77,8 @@ def solve_dynamic(
     times : (T,) [s], optional
         When to keep a state, within start_time .. start_time + duration; default after every step.
     callback : function (Run) -> bool, optional
-        Called after each accepted step; return True to stop there.
+        Called after each accepted step, or after several that were made in one compiled call, at the latest where a state is
+        kept; return True to stop there.
     resume : Checkpoint, optional
         Go on from `Run.checkpoint()` of an earlier run of the same model with the same arguments. The history then
         holds the states from there on.

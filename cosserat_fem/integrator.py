@@ -30,17 +30,18 @@ from typing import Any
 
 import numpy as np
 
+from .compiled import Moving
 from .errors import ConvergenceError, SceneError, check_positive
 from .history import History, Record
 from .impact import Impact
 from .kernels.inertia import largest_change
 from .kernels.rotation import quaternion_from_matrix, relative_rotation
 from .model import Model
-from .newton import CompiledStep, Newton, Solved
+from .newton import Newton, Solved
 from .rates import NOBODY, Balance
 from .space import State
 from .terms.dissipative import damped_tables, tables_at_rate
-from .terms.inertial import Driven, InertiaStep, Rates, constants
+from .terms.inertial import InertiaStep, Rates, constants
 
 TOLERANCE = 1e-9  # relative residual of a time step
 SMALLEST = 1e-10  # of the duration: a step shorter than this ends the run
@@ -51,6 +52,7 @@ LONGER, SAFETY = 1.5, 0.8  # growth of a step; aim at this part of the step that
 RUBBED = 0.1  # part of the work of friction in a step that may be missing
 GAINED, LOST = 1e-6, 2e-3  # parts of the largest energy that contact may add in all, or take in a step, by itself
 LITTLE = 1e-3  # of that: added in one step, it is none
+TOGETHER = 20_000  # steps times nodes in one compiled call: a run can be interrupted between calls
 SHORT = 1e-3  # part of a step over which a strain rate is measured
 BEFORE = 1e-13  # of the duration: how long before a jump of a load the step that ends there is evaluated
 
@@ -171,7 +173,7 @@ class Run:
         self._names = [names[term] for term in self._others]
         self._contact_names = [names[term] for term in model.contacts]
         self._velocity_terms = any(getattr(term, "needs_velocity", False) for term in model.terms)
-        self._compiled = CompiledStep(self.newton, TOLERANCE) if CompiledStep.takes(model) else None
+        self._compiled = self.newton.compiled
         self._dampers = [term for term in model.terms if getattr(term, "internal", False)]
         self._damping = [
             np.sum([d.coefficients(model.space, k) for d in self._dampers], axis=0)  # type: ignore[attr-defined]
@@ -288,7 +290,8 @@ class Run:
         slack = 1e-12 * (self.end - self.begin_time)
         try:
             while self.state.t < self.end - slack:
-                self._advance()
+                if not self._advance_together():
+                    self._advance()
                 if self.callback is not None and self.callback(self):
                     self.history.status = "stopped"
                     self.history.message = f"stopped by the caller at t = {self.state.t:g} s"
@@ -302,6 +305,60 @@ class Run:
         )
         self.history.check_ledger()
         return self.history
+
+    def _advance_together(self) -> bool:
+        """Steps of fixed length in one compiled call, as far as nothing else happens; False if none was made.
+
+        With a callback up to the next state that is kept.
+        """
+        if self._compiled is None or not self._compiled.runs or isinstance(self.step, AdaptiveStep) or self._dampers:
+            return False
+        plan = self._plan()
+        if len(plan) < 2:
+            return False
+        loads = np.concatenate(self.forces) if self.forces else np.empty((0, 6))
+        c, nodes = self.model.constraints, self.balance.nodes
+        try:
+            made, counts, found = self._compiled.run(
+                Moving(self.state, self.rates, self.g, loads, self.h), plan, self._method, TOLERANCE,
+                lambda t: self.balance.driven(*c.driven(t, before=True)) if len(nodes) else NOBODY,
+            )  # fmt: skip
+        except ValueError:  # something has no value at a later step: go there one by one
+            return False
+        self.newton.count(*counts)
+        self.steps += [(t, h, 0.0, True) for t, h, _ in plan[:made]]
+        before = dict(self.work)
+        for now in found:
+            self.state, self.rates, self.g, self.h = now.state, now.rates, now.g, now.h
+            shares = np.split(now.work[:-1], self._cuts) if self._names else []
+            for name, share in zip(self._names, shares, strict=True):
+                self.work[name] = before[name] + float(share.sum())
+            self.work["driven ends"] = before["driven ends"] + float(now.work[-1])
+            if now.keeps:
+                self._keep(now.iterations, now.residual)
+        if found:
+            self.forces = self._forces(self.state, found[-1].loads)
+        return made > 0
+
+    def _plan(self) -> list[tuple[float, float, bool]]:
+        """Steps of the wanted length up to the next kink or jump: time at the end, length, whether the state is kept."""
+        plan: list[tuple[float, float, bool]] = []
+        near, t = SMALLEST * (self.end - self.begin_time), self.state.t
+        k = int(np.searchsorted(self._stops, t + near))
+        most = max(1, TOGETHER // self.model.space.n_nodes)
+        while k < len(self._stops) and len(plan) < most:
+            stop, (jumps, settles, keeps) = float(self._stops[k]), self._at_stop[k]
+            left = stop - t
+            n = max(1, int(np.ceil(left / self.wanted_h - 1e-9)))
+            if n == 1 and (jumps or settles):
+                break
+            t1 = stop if n == 1 else t + left / n
+            kept = keeps if n == 1 else self.times is None
+            plan.append((t1, left / n, kept))
+            if kept and self.callback is not None:
+                break
+            t, k = t1, k + (n == 1)
+        return plan
 
     def _advance(self) -> None:
         """One accepted step."""
@@ -393,16 +450,14 @@ class Run:
         )  # fmt: skip
         offset = None if self.impact is None else self.impact.enter(inertia, self.grip, late)
         for acceleration in (0.5, 0.0):  # unresolved vibrations make b a bad guess
-            solved = self._solve(h * rates.v + acceleration * h * h * rates.b, t1, inertia, driven, offset)
+            solved = self._solve(h * rates.v + acceleration * h * h * rates.b, t1, inertia, offset)
             if solved.converged:
                 break
         if solved.converged and self.impact is not None:
             solved = self.impact.leave(inertia, self.grip, solved)
         return solved, inertia
 
-    def _solve(
-        self, D: np.ndarray, t1: float, inertia: InertiaStep, driven: Driven, offset: np.ndarray | None
-    ) -> Solved:
+    def _solve(self, D: np.ndarray, t1: float, inertia: InertiaStep, offset: np.ndarray | None) -> Solved:
         """The step from the prediction D (N, 6)."""
         model = self.model
         stress = model.internal.extrapolate(self.state, model.space, D, 1.0, inertia.tables)
@@ -410,15 +465,13 @@ class Run:
             start = self.state.at_time(t1)
             guess, part = self.newton.approach.move(start, D, 1.0, stiffen=False)
             memory = tuple(a + part * (b - a) for a, b in zip(start.stress, stress, strict=True))
-            return self.newton.in_time(replace(guess, stress=memory), inertia, TOLERANCE, offset)
+            return self.newton.in_time(replace(guess, stress=memory), inertia, TOLERANCE, part * D[:, :3], offset)
         guess = model.space.update(self.state, D, 1.0, stress).at_time(t1)
-        if self._compiled is not None:
-            return self._compiled.solve(guess, D[:, :3].copy(), inertia, driven)
-        return self.newton.in_time(guess, inertia, TOLERANCE)
+        return self.newton.in_time(guess, inertia, TOLERANCE, D[:, :3])
 
     def _make(self, solved: Solved, inertia: InertiaStep, h: float, t1: float) -> Made:
         """What a converged step does, before it is taken: works, forces and memories."""
-        loads = None if self._compiled is None else self._compiled.each
+        loads = None if self._compiled is None else self._compiled.loads
         solved = self.newton.accepted(solved, in_time=True)
         work = dict.fromkeys(self.work, 0.0)
         stored, added = self._add_contact_work(work, solved, inertia, t1)

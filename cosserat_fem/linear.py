@@ -57,8 +57,7 @@ class LinearSolver:
             factor = np.empty((len(g.packed_conn), inner * (n + 1) * LANES))
             self.scratch.append(Condensed(self.S[part], self.rhs[part], factor))
             first += g.n_elements
-        self.joint_of = {int(k): j for j, nodes in enumerate(constraints.joints) for k in nodes}
-        self.segments, n_vertices = self._segments()
+        self.segments, n_vertices = segments_of(space, constraints)
         with_joints = bool(constraints.joints)
         self.kept = np.empty((n_vertices, 6, 13 if with_joints else 7))
         self.joint_S = np.empty((len(self.segments), 12, 12))
@@ -66,20 +65,6 @@ class LinearSolver:
         self.du = np.empty((space.n_nodes, 6))
         if with_joints:
             self._joint_pattern()
-
-    def _segments(self) -> tuple[np.ndarray, int]:
-        """Runs of elements between joints, see `kernels.chain`; and the number of vertices."""
-        rows, first_of_group, kept = [], np.cumsum([0, *(g.n_elements for g in self.space.groups)]), 0
-        for rod in self.space.rods:
-            view = self.space[rod]
-            first = first_of_group[view.group] + view.elements.start
-            joints = [self.joint_of.get(int(v), -1) for v in view.vertices]
-            last = len(view.vertices) - 1
-            cuts = [0, *(k for k in range(1, last) if joints[k] >= 0), last]
-            for a, b in pairwise(cuts):
-                rows.append((first + a, b - a, view.vertices[a], joints[a], joints[b], kept))
-                kept += b - a + 1
-        return np.array(rows, dtype=np.int64), kept
 
     def _joint_pattern(self) -> None:
         """Rows and columns of the joint matrix for the entries of joint_S that end at joints on both sides."""
@@ -105,14 +90,16 @@ class LinearSolver:
             return self._solve_whole(matrix, g, held, symmetric)
         vertex_rhs = -g
         if c.transforms:
-            chain.transform_vertices(self.S, self.rhs, vertex_rhs, c.nodes, c.left, c.right, held.T)
+            chain.transform_vertices(chain.SPACE, self.S, self.rhs, vertex_rhs, c.nodes, c.left, c.right, held.T)
             if len(held.at):
                 at = held.at
-                chain.add_to_vertices(self.S, c.nodes[at], c.left[at], c.right[at], held.couples)
+                chain.add_to_vertices(chain.SPACE, self.S, c.nodes[at], c.left[at], c.right[at], held.couples)
         if len(c.nodes):
-            chain.hold_vertices(self.S, self.rhs, vertex_rhs, c.nodes, c.left, c.right, c.held, held.gap, c.owner)
+            chain.hold_vertices(
+                chain.SPACE, self.S, self.rhs, vertex_rhs, c.nodes, c.left, c.right, c.held, held.gap, c.owner
+            )  # fmt: skip
         count = chain.eliminate_segments(
-            self.S, self.rhs, vertex_rhs, self.segments, symmetric, self.kept, self.joint_S, self.joint_rhs
+            chain.SPACE, self.S, self.rhs, vertex_rhs, self.segments, symmetric, self.kept, self.joint_S, self.joint_rhs
         )
         if count < 0:
             return Solution(self.du, -1, -1 - count, "chain")
@@ -122,9 +109,9 @@ class LinearSolver:
             y, count, method = self._solve_joints(state, vertex_rhs, held, symmetric)
             negative = negative + count if count >= 0 else -1
         du = self.du
-        chain.back_substitute_segments(self.segments, self.kept, y, du)
+        chain.back_substitute_segments(chain.SPACE, self.segments, self.kept, y, du)
         if c.transforms:
-            chain.untransform_vertices(c.nodes, held.T, du)
+            chain.untransform_vertices(chain.SPACE, c.nodes, held.T, du)
         for group, scratch in zip(self.space.groups, self.scratch, strict=True):
             if group.order > 1:
                 condense.back_substitute(group.packed_conn, group.n_elements, scratch.factor, du)
@@ -200,6 +187,22 @@ class LinearSolver:
             if row is not None:
                 modes[j][self.constraints.held[row]] = 0.0
         return modes.reshape(-1, 6)
+
+
+def segments_of(space: Space, constraints: Constraints) -> tuple[np.ndarray, int]:
+    """Runs of elements between joints, see `kernels.chain`; and the number of vertices."""
+    joint_of = {int(k): j for j, nodes in enumerate(constraints.joints) for k in nodes}
+    rows, first_of_group, kept = [], np.cumsum([0, *(g.n_elements for g in space.groups)]), 0
+    for rod in space.rods:
+        view = space[rod]
+        first = first_of_group[view.group] + view.elements.start
+        joints = [joint_of.get(int(v), -1) for v in view.vertices]
+        last = len(view.vertices) - 1
+        cuts = [0, *(k for k in range(1, last) if joints[k] >= 0), last]
+        for a, b in pairwise(cuts):
+            rows.append((first + a, b - a, view.vertices[a], joints[a], joints[b], kept))
+            kept += b - a + 1
+    return np.array(rows, dtype=np.int64), kept
 
 
 def solve_sparse(K: csc_matrix, b: np.ndarray, symmetric: bool) -> tuple[np.ndarray, int]:

@@ -22,6 +22,7 @@ from scipy.sparse import coo_matrix, csc_matrix
 from .constraint import Constraints
 from .errors import SceneError, nearest
 from .mechanism import Part
+from .plane import AXES, ScenePlane, choose_plane
 from .rod import Elements, Rod
 from .space import Blocks, Space, State
 from .support import Clamp, Pin, Support, Weld
@@ -100,9 +101,17 @@ class Model:
         alone, with no rotation, bending or twist, so that clamps act as pins and loads must be dead forces.
     elements : {rod: Elements}, optional
         For rods that do not take the elements they ask for themselves.
+    plane : "xy", "yz", "xz" or "auto", optional
+        The scene stays in a plane parallel to this one: three unknowns a node instead of six, and the same results. What
+        leaves it is an error; with "auto" the model is then one in space. A planar model sees no motion out of its plane,
+        nor that an equilibrium would leave it; see `stability.out_of_plane`.
 
     Attributes
     ----------
+    plane : ScenePlane or None
+        The plane in which the model is solved.
+    plane_choice : str
+        Why it is that one, or none.
     warnings : list of str
         What the model's user should know; also logged.
     spent : {name: s}
@@ -125,7 +134,10 @@ class Model:
         rotation: Literal["quaternion", "kardan"] = "quaternion",
         theory: Literal["cosserat", "kirchhoff", "string"] = "cosserat",
         elements: Mapping[Rod, Elements] | None = None,
+        plane: Literal["xy", "yz", "xz", "auto"] | None = None,
     ) -> None:
+        if plane not in (None, "auto", *AXES):
+            raise ValueError(f"model: plane must be None, 'auto', 'xy', 'yz' or 'xz' (got {plane!r}).")
         if rotation not in ("quaternion", "kardan"):
             raise ValueError(f"model: rotation must be 'quaternion' or 'kardan' (got {rotation!r}).")
         for name, given, kind in (
@@ -156,6 +168,9 @@ class Model:
             self.internal = String()
         self.constraints = Constraints(self.space, self.supports, self.welds)
         self.symmetric = all(term.symmetric for term in self.terms)
+        self._memo: dict[Any, Any] = {}
+        self._wanted_plane = plane
+        self.plane, self.plane_choice = self._choose_plane()
         self.warnings: list[str] = []
         self.spent: dict[str, float] = {}
         if any(getattr(term, "needs_mass", False) for term in self.terms):
@@ -165,13 +180,20 @@ class Model:
                         f"rod {rod.name!r}: has no mass, so gravity does not act on it. Give its section a density."
                     )
 
+    def remember(self, make: Callable[[Model], Any]) -> Any:
+        """Return make(model), made once for this model."""
+        if make not in self._memo:
+            self._memo[make] = make(self)
+        return self._memo[make]
+
     def with_terms(self, terms: Sequence[Term]) -> Model:
         """The same rods and supports with other terms."""
         other = copy(self)
         other.terms = tuple(terms)
         other.contacts = tuple(term for term in terms if getattr(term, "contact", False))
         other.symmetric = all(term.symmetric for term in terms)
-        other.warnings, other.spent = [], {}
+        other.plane, other.plane_choice = other._choose_plane()
+        other.warnings, other.spent, other._memo = [], {}, {}
         return other
 
     def with_elements(self, elements: Mapping[Rod, Elements]) -> Model:
@@ -181,14 +203,28 @@ class Model:
             other.__dict__.pop(name, None)
         other.space = Space(self.rods, self.marks, self.rotation, elements, self.theory)
         other.constraints = Constraints(other.space, self.supports, self.welds)
-        other.spent = {}
+        other.plane, other.plane_choice = other._choose_plane()
+        other.spent, other._memo = {}, {}
         return other
 
     def with_theory(self, theory: Literal["cosserat", "kirchhoff", "string"]) -> Model:
         """The same rods on the same elements, supports and terms in another theory; with warnings of its own."""
         elements = {rod: view.mesh for rod, view in self.space.views.items()}
         supports: list[Support | Weld] = [*self.supports, *self.welds]
-        return Model(self.rods, supports, self.terms, rotation=self.rotation, theory=theory, elements=elements)
+        plane = None if theory == "string" else self._wanted_plane
+        return Model(
+            self.rods, supports, self.terms, rotation=self.rotation, theory=theory, elements=elements, plane=plane
+        )
+
+    def _choose_plane(self) -> tuple[ScenePlane | None, str]:
+        """The plane in which the model is solved, and why. SceneError if it cannot be the one that was asked for."""
+        if self.theory == "string" and self._wanted_plane is not None:
+            if self._wanted_plane != "auto":
+                raise SceneError(
+                    f'model: plane = "{self._wanted_plane}": strings have no planar form. Leave plane out.'
+                )
+            return None, "no plane: strings have no planar form"
+        return choose_plane(self._wanted_plane, self.space, self.constraints, self.terms)
 
     def _check_theory(self) -> None:
         """SceneError if a string would have to do what it cannot."""
@@ -297,6 +333,8 @@ class Model:
             raise ValueError("start: must be a State of this model: `history.final` of a run with the same elements.")
         if not (np.isfinite(state.r).all() and np.isfinite(state.q).all()):
             raise ValueError("start: holds places or rotations that are not finite.")
+        if self.plane is not None:
+            self.plane.check_state(state)
 
     def external(self, state: State, *, tangent: bool, exact: bool = True, push: np.ndarray | None = None) -> External:
         """All terms but the internal force. exact: contact with its full tangent, not only its positive part; push (N, 6):
@@ -482,7 +520,7 @@ class Model:
         for rods, rows in self._components():
             center = np.mean([rod.drawn(np.array([0.0, rod.length])).mean(0) for rod in rods], axis=0)
             size = max(rod.drawn_length for rod in rods)
-            conditions = [np.zeros((0, 6))]
+            conditions = [np.zeros((0, 6)) if self.plane is None else np.eye(6)[self.plane.out_of_plane]]
             targets = self.constraints.targets(max((part.drawn_at for part in self.parts), default=0.0))
             state = self.initial_state()
             for row in rows:
@@ -493,8 +531,9 @@ class Model:
                 spin = np.block([[axes.T, -axes.T @ cross], [np.zeros((3, 3)), axes.T]])
                 conditions.append(spin[self.constraints.held[row]])
             A = np.concatenate(conditions)
+            held = len(A) > len(conditions[0])
             names = " and ".join(repr(rod.name) for rod in rods[:3]) + (" ..." if len(rods) > 3 else "")
-            if not len(A):
+            if not held:
                 found.append((f"rod {names} has no support", True))
                 continue
             # translations first, so that they are told as such, then what else the conditions leave

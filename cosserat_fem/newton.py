@@ -14,30 +14,26 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from time import thread_time
-from typing import Any
 
 import numpy as np
 
 from .barrier import Approach
+from .compiled import Answer, Compiled, takes
 from .constraint import Held, Targets
 from .errors import KardanError
 from .kernels.nodes import largest_increment, largest_residual
-from .kernels.step import newton_step
 from .linear import LinearSolver
 from .model import Model, Step, Sum
 from .space import State
-from .terms.external import NO_LOADS
-from .terms.inertial import Driven, InertiaStep
-from .terms.internal import QuaternionBeam
 from .terms.touch import Pressed
 
 RESIDUAL = 1e-11  # relative
 ROUND_OFF = 2 * np.finfo(float).eps
 STAGNANT = 32.0  # residual in units of the tolerance, accepted when a small step no longer halves it
-LINEAR, COMPILED = "linear systems", "compiled time steps"  # where CPU time is booked besides terms
+LINEAR = "linear systems"  # where CPU time is booked besides terms
 NO_REACTIONS = np.empty((0, 6))
-NO_PLACES = (np.empty((0, 3)), np.empty((0, 4)))
 LARGEST_TURN = 0.8  # rad in one guarded step
 FARTHEST = 0.2  # rod lengths in one step with contact
 SHORT = 0.05  # part of a guarded step; one cut to less was a bad one, and the shift grows
@@ -85,22 +81,32 @@ class Solved:
 class Newton:
     """Newton solver of one model, with its linear solver and counters."""
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, *, compiled: bool = True) -> None:
+        """compiled: False takes the loop over terms also for a model that has a compiled form."""
         self.model = model
-        self.linear = LinearSolver(model.space, model.constraints)
         self.counters = Counters()
         self.approach = Approach(model) if model.contacts else None
+        self.compiled = Compiled(model) if compiled and takes(model) else None
+
+    @cached_property
+    def linear(self) -> LinearSolver:
+        """Linear solver of the loop over terms."""
+        return LinearSolver(self.model.space, self.model.constraints)
 
     def on(self, model: Model) -> Newton:
         """The same solver, with its scratch and counters, on the same rods and supports under other loads."""
         other = copy(self)
         other.model = model
+        other.compiled = Compiled(model) if self.compiled is not None and takes(model) else None
         return other
 
     def plain(
         self, state: State, *, targets: Targets | None = None, offset: np.ndarray | None = None, iterations: int = 0
     ) -> Solved:
         """Full steps. targets: of the supports, default those of the state's time; offset (N, 6): added to the residual."""
+        if self.compiled is not None:
+            answer = self.compiled.solve(state, targets, offset, iterations or ITERATIONS, RESIDUAL, guarded=False)
+            return self._told(answer, RESIDUAL)
         return self._solve(state, targets, offset, iterations, guarded=False)
 
     def guarded(
@@ -108,6 +114,9 @@ class Newton:
     ) -> Solved:
         """Shifted, rotation-limited steps towards a stable state."""
         self.counters.guarded += 1
+        if self.compiled is not None:
+            answer = self.compiled.solve(state, targets, offset, iterations, RESIDUAL, guarded=True)
+            return self._told(answer, RESIDUAL)
         return self._solve(state, targets, offset, iterations, guarded=True)
 
     def accepted(self, solved: Solved, *, in_time: bool = False) -> Solved:
@@ -117,9 +126,32 @@ class Newton:
         state, pressed = self.approach.accept(solved.state, soften=not in_time)
         return replace(solved, state=state, pressed=pressed)
 
-    def in_time(self, state: State, step: Step, tolerance: float, offset: np.ndarray | None = None) -> Solved:
-        """End of a time step, from a predicted state. tolerance: relative residual; offset (N, 6): added to it."""
+    def in_time(
+        self, state: State, step: Step, tolerance: float, moved: np.ndarray, offset: np.ndarray | None = None
+    ) -> Solved:
+        """End of a time step, from a predicted state that has moved by `moved` (N, 3).
+
+        tolerance: relative residual; offset (N, 6): added to the residual.
+        """
+        if self.compiled is not None:
+            answer = self.compiled.step(state, moved, step, tolerance)  # type: ignore[arg-type]
+            return self._told(answer, tolerance, in_time=True)
         return self._solve(state, None, offset, 0, guarded=False, step=step, tolerance=tolerance)
+
+    def count(self, solves: int, checks: int) -> None:
+        """Count what was done in compiled calls: linear systems, residual evaluations besides."""
+        self.counters.iterations += solves
+        self.counters.residuals += checks
+        self.counters.linear["chain"] = self.counters.linear.get("chain", 0) + solves
+
+    def _told(self, answer: Answer, tolerance: float, *, in_time: bool = False) -> Solved:
+        """Count what a compiled solve did, and say it as the loop does."""
+        self.count(answer.solves, answer.checks)
+        reactions = NO_REACTIONS if in_time else self.model.constraints.reactions(answer.state, answer.g)
+        return Solved(
+            answer.state, Sum(answer.g, 0.0, 0.0), reactions, tolerance * answer.residual, answer.where, answer.negative,
+            answer.iterations, answer.reason,
+        )  # fmt: skip
 
     def _solve(
         self,
@@ -297,80 +329,3 @@ class Newton:
         s = self.model.scales
         shift, turn, _ = largest_increment(held.gap)
         return shift <= 1e-12 * s["size"] and turn <= 1e-11
-
-
-class CompiledStep:
-    """`Newton.in_time` as one compiled loop, for models that are simple enough; see `kernels.step`."""
-
-    REASONS = ("", "the residual is not a finite number", "no convergence", "the tangent is singular", "it diverges")
-
-    def __init__(self, newton: Newton, tolerance: float) -> None:
-        self.newton, self.model, self.tolerance = newton, newton.model, tolerance
-        space, c, linear = self.model.space, self.model.constraints, newton.linear
-        (group,) = space.groups
-        n = c.n_supports
-        self.group = group
-        scratch = linear.scratch[0]
-        self.linear = (
-            scratch.S, scratch.rhs, scratch.factor, linear.segments, linear.kept, linear.joint_S, linear.joint_rhs
-        )  # fmt: skip
-        self.held = (c.support_node, c.left[:n], c.right[:n], c.held[:n], c.owner[:n])
-        self.nodal, self.du = np.empty((space.n_nodes, 6, 6)), np.empty((space.n_nodes, 6))
-        self.R, self.each = np.empty((space.n_nodes, 3, 3)), np.empty((0, 6))
-
-    @staticmethod
-    def takes(model: Model) -> bool:
-        """True if the compiled loop knows everything in a model."""
-        c = model.constraints
-        simple = not c.transforms and not c.joints and len(model.space.groups) == 1
-        return (
-            simple
-            and isinstance(model.internal, QuaternionBeam)
-            and all(getattr(term, "tabulated", False) for term in model.terms)
-        )
-
-    def solve(self, guess: State, moved: np.ndarray, step: InertiaStep, driven: Driven) -> Solved:
-        """End of a time step, from a predicted state that has moved by `moved` (N, 3); both are changed."""
-        model, space = self.model, self.model.space
-        places: Any = NO_PLACES
-        if model.constraints.n_supports:
-            targets = model.constraints.targets(guess.t)
-            places = (targets.place, targets.quaternion)
-        loads = [term.table(guess.t, space) for term in model.terms]  # type: ignore[attr-defined]
-        loads = loads or [NO_LOADS]
-        columns = ([getattr(load, name) for load in loads] for name in ("nodes", "force", "moment", "kinds"))
-        table = tuple(column[0] if len(column) == 1 else np.concatenate(column) for column in columns)
-        if len(self.each) != len(table[0]):
-            self.each = np.empty((len(table[0]), 6))
-        s = model.scales
-        noise = ROUND_OFF * s["axial"] * s["size"] / s["smallest"]
-        limits = (
-            self.tolerance,
-            s["length"],
-            s["element"],
-            noise + ROUND_OFF * step.heaviest[0] * s["size"],
-            noise * s["element"] + ROUND_OFF * s["bending"] / s["smallest"] + ROUND_OFF * step.heaviest[1],
-            1e-12 * s["size"],
-            s["bending"] / s["element"],
-        )
-        start, rates = step.start, step.rates
-        inertia = (
-            space.node_mass, space.node_inertia, start.r, start.q, rates.v, rates.a, rates.b, step.coefficients,
-            driven.nodes, driven.v, driven.a,
-        )  # fmt: skip
-        g = np.empty((space.n_nodes, 6))
-        r, q, sigma = guess.r, guess.q, guess.stress[0]  # the guess is ours: it was made for this step
-        tables = self.group.tables if step.tables is None else step.tables[0]
-        since = thread_time()
-        beam = (self.group.packed_conn, self.group.n_elements, self.group.N, *tables, space.owner)
-        status, k, checks, residual, where = newton_step(
-            beam, self.linear, (*self.held, *places), inertia, table, limits, 20, moved, r,
-            q, sigma, (g, self.nodal, self.du, step.D, step.v, step.a, step.b, self.each, self.R),
-        )  # fmt: skip
-        model.spend(COMPILED, since)
-        counters = self.newton.counters
-        counters.iterations += k
-        counters.residuals += checks
-        counters.linear["chain"] = counters.linear.get("chain", 0) + k
-        total = Sum(g, 0.0, 0.0)
-        return Solved(guess, total, NO_REACTIONS, self.tolerance * residual, where, -1, k, self.REASONS[status])

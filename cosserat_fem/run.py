@@ -53,6 +53,7 @@ from .mechanism import Hinge, Part
 from .model import Model
 from .scene import Scene, load_scene
 from .space import State
+from .stability import leaves_plane
 from .statics import solve_quasistatic, solve_static
 from .theories import Comparison, compare_theories
 from .vibration import Modes, modes
@@ -135,7 +136,7 @@ def run_scene(
 
     def first() -> None:
         if announce is not None:
-            announce("Compiling the kernels, once for this machine and version: about 20 seconds.")
+            announce("Compiling the kernels, once for this machine and version: about a minute.")
 
     clock = CompileClock(first)
     reason, history = "", None
@@ -445,6 +446,8 @@ class _Writer:
                     data["discretisation"] = {"not_found": out_of_memory(error)}
             if self.modes is not None:
                 data["vibrations"] = _describe_modes(self.modes)
+            if self.scene.tables.solve.out_of_plane and self.scene.model.plane is not None:
+                data["out_of_plane"] = _out_of_plane(history)
         data |= {
             "warnings": self.scene.model.warnings,
             "seconds": {"wall": self.phases.wall, "cpu": self.phases.cpu},
@@ -474,9 +477,11 @@ def describe(history: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
             "cpu_seconds": {name: round(spent, 6) for name, spent in model.spent.items()},
             "rotation": model.rotation,
             "theory": model.theory,
+            "plane": model.plane.name if model.plane is not None else None,
+            "plane_choice": model.plane_choice,
             "supports": [str(h.name) for h in model.supports],
             "welds": len(model.welds),
-            "unknowns": 6 * model.space.n_nodes,
+            "unknowns": (6 if model.plane is None else 3) * model.space.n_nodes,
             **({"chosen": asdict(history.chosen)} if history.chosen is not None else {}),
         },
         "rods": {rod.name: _describe_rod(history, rod) for rod in model.rods},
@@ -542,6 +547,18 @@ def _stability(history: History) -> str:
     more = f" and {len(unstable) - 10} more" if len(unstable) > 10 else ""
     stations = ", ".join(unstable[:10]) + more
     return f"unstable at stations {stations}" if history.path else f"unstable at t = {stations} s"
+
+
+def _out_of_plane(history: History) -> list[int | None]:
+    """In how many ways each state would leave the plane of its model; a warning if any would."""
+    ways = leaves_plane(history)
+    leaving = [f"{t:g}" for t, n in zip(history.t, ways, strict=True) if n]
+    if leaving:
+        history.model.warn(
+            f"at t = {', '.join(leaving[:5])}{' and more' if len(leaving) > 5 else ''} s a real rod would leave the plane "
+            f'"{history.model.plane.name}" of this run. Leave `plane` out to see where it goes.'  # type: ignore[union-attr]
+        )
+    return ways
 
 
 def _describe_rod(history: History, rod: Any) -> dict[str, Any]:

@@ -90,6 +90,11 @@ class Schedule:
         """True if the value never changes."""
         return self.times is None and self._function is None and self._rate == 0.0
 
+    @property
+    def is_function(self) -> bool:
+        """True if the value is a function of time that the user gave."""
+        return self._function is not None
+
     def at(self, t: float) -> Any:
         """Value at time t [s]: float or array of `shape`. ValueError outside a table or for a value that is no number."""
         if t != self._last[0]:

@@ -219,7 +219,7 @@ def _travel(newton: Newton, history: History, before: State | None, t: float) ->
     state = history.final
     unstable = history.records[-1].negative > 0
     stages = max((part.stages(state.t, t) for part in model.parts), default=1)
-    wanted = list(np.linspace(state.t, t, stages + 1)[1:])
+    wanted = [t] if stages == 1 else list(np.linspace(state.t, t, stages + 1)[1:])
     halvings, shortest = 0, abs(wanted[0] - state.t) * 0.5**HALVINGS
     while True:
         known = before is None or newton.approach is not None  # parts must come along with the rods

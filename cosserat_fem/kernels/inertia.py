@@ -49,8 +49,8 @@ def increment(moved, q0, q, D):
 def step_rates(moved, q0, q, v0, a0, b0, coefficients, driven, v_driven, a_driven, D, v, a, b):
     """Increment D and rates v, a, b (N, 6) at the end of a step that moved nodes by moved (N, 3) and turned q0 to q.
 
-    coefficients: h, am, af, beta, gamma. driven (M,): nodes whose rates are given, v_driven, a_driven (M, 2, 3) for
-    translation and rotation, not a number where they are not.
+    coefficients: h, am, af, beta, gamma. driven (M,): nodes whose rates are given, v_driven, a_driven (M, 6), not a number
+    where they are not.
     """
     h, am, af, beta, gamma = coefficients
     increment(moved, q0, q, D)
@@ -61,11 +61,10 @@ def step_rates(moved, q0, q, v0, a0, b0, coefficients, driven, v_driven, a_drive
             a[k, i] = ((1.0 - am) * b[k, i] + am * b0[k, i] - af * a0[k, i]) / (1.0 - af)
     for m in range(driven.shape[0]):
         k = driven[m]
-        for c in range(2):
-            if not np.isnan(v_driven[m, c, 0]):
-                for i in range(3):
-                    v[k, 3 * c + i] = v_driven[m, c, i]
-                    a[k, 3 * c + i] = b[k, 3 * c + i] = a_driven[m, c, i]
+        for i in range(6):
+            if not np.isnan(v_driven[m, i]):
+                v[k, i] = v_driven[m, i]
+                a[k, i] = b[k, i] = a_driven[m, i]
 
 
 @kernel

@@ -1,6 +1,7 @@
 """Loops over nodes: the largest residual, the largest increment, distances to a polyline.
 
 Rule: one pass, nothing allocated; a number that is not finite comes back as infinity, so that a comparison catches it.
+Rows of six (in space: three displacements, three turns) or of three (in a plane: two and one).
 """
 
 from __future__ import annotations
@@ -17,13 +18,15 @@ def largest_residual(g, nodes, held, force_limit, moment_limit):
     g (N, 6); nodes (M,), held (M, 6): entries that do not count. Returns (value, node), infinity if g is not finite.
     """
     inverse_force, inverse_moment = 1.0 / force_limit, 1.0 / moment_limit
+    d = g.shape[1]
+    moves = (d + 1) // 2
     largest, where = 0.0, 0
     for k in range(g.shape[0]):
         value = 0.0
-        for i in range(3):
-            value = max(value, abs(g[k, i]) * inverse_force, abs(g[k, 3 + i]) * inverse_moment)
-            if not (np.isfinite(g[k, i]) and np.isfinite(g[k, 3 + i])):
+        for i in range(d):
+            if not np.isfinite(g[k, i]):
                 return np.inf, k
+            value = max(value, abs(g[k, i]) * (inverse_force if i < moves else inverse_moment))
         if value > largest:
             counts = True
             for m in range(nodes.shape[0]):
@@ -33,9 +36,9 @@ def largest_residual(g, nodes, held, force_limit, moment_limit):
                 value = 0.0
                 for m in range(nodes.shape[0]):
                     if nodes[m] == k:
-                        for i in range(6):
+                        for i in range(d):
                             if not held[m, i]:
-                                value = max(value, abs(g[k, i]) * (inverse_force if i < 3 else inverse_moment))
+                                value = max(value, abs(g[k, i]) * (inverse_force if i < moves else inverse_moment))
             if value > largest:
                 largest, where = value, k
     return largest, where
@@ -45,12 +48,15 @@ def largest_residual(g, nodes, held, force_limit, moment_limit):
 def largest_increment(du):
     """Largest displacement and rotation component of du (N, 6), or (infinity, node) where it is not finite."""
     shift = turn = 0.0
+    moves = (du.shape[1] + 1) // 2
     for k in range(du.shape[0]):
-        for i in range(3):
-            if not (np.isfinite(du[k, i]) and np.isfinite(du[k, 3 + i])):
+        for i in range(du.shape[1]):
+            if not np.isfinite(du[k, i]):
                 return np.inf, np.inf, k
-            shift = max(shift, abs(du[k, i]))
-            turn = max(turn, abs(du[k, 3 + i]))
+            if i < moves:
+                shift = max(shift, abs(du[k, i]))
+            else:
+                turn = max(turn, abs(du[k, i]))
     return shift, turn, -1
 
 

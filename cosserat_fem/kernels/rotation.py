@@ -77,6 +77,25 @@ def rotate_bodies(q, phi, out):
 
 
 @kernel
+def fill_products(a, b, out):
+    """Quaternion products out = a o b (n, 4)."""
+    for k in range(a.shape[0]):
+        a0, a1, a2, a3 = a[k, 0], a[k, 1], a[k, 2], a[k, 3]
+        b0, b1, b2, b3 = b[k, 0], b[k, 1], b[k, 2], b[k, 3]
+        out[k, 0] = a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3
+        out[k, 1] = a0 * b1 + a1 * b0 + a2 * b3 - a3 * b2
+        out[k, 2] = a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1
+        out[k, 3] = a0 * b3 + a1 * b2 - a2 * b1 + a3 * b0
+
+
+@kernel
+def fill_turns(v, q):
+    """Unit quaternions q (n, 4) of rotation vectors v (n, 3)."""
+    for k in range(v.shape[0]):
+        q[k, 0], q[k, 1], q[k, 2], q[k, 3] = exp_half(v[k, 0], v[k, 1], v[k, 2])
+
+
+@kernel
 def fill_matrices(q, R):
     """Rotation matrices R (n, 3, 3) of unit quaternions q (n, 4)."""
     for k in range(q.shape[0]):
@@ -142,9 +161,12 @@ def quaternion_from_matrix(R: np.ndarray) -> np.ndarray:
 
 def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Quaternion product a o b, (..., 4)."""
-    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
-    a0, av, b0, bv = a[..., :1], a[..., 1:], b[..., :1], b[..., 1:]
-    return np.concatenate([a0 * b0 - (av * bv).sum(-1, keepdims=True), a0 * bv + b0 * av + np.cross(av, bv)], axis=-1)
+    a, b = np.ascontiguousarray(a, dtype=float), np.ascontiguousarray(b, dtype=float)
+    if a.shape != b.shape:
+        a, b = (np.ascontiguousarray(x) for x in np.broadcast_arrays(a, b))
+    out = np.empty(a.shape)
+    fill_products(a.reshape(-1, 4), b.reshape(-1, 4), out.reshape(-1, 4))
+    return out
 
 
 def conjugate(q: np.ndarray) -> np.ndarray:
@@ -159,9 +181,10 @@ def matrix_from_vector(v: np.ndarray) -> np.ndarray:
 
 def quaternion_from_vector(v: np.ndarray) -> np.ndarray:
     """Unit quaternions (..., 4) of rotation vectors (..., 3) [rad]."""
-    v = np.asarray(v, dtype=float)
-    half = 0.5 * np.linalg.norm(v, axis=-1, keepdims=True)
-    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * v], axis=-1)
+    v = np.ascontiguousarray(v, dtype=float)
+    q = np.empty((*v.shape[:-1], 4))
+    fill_turns(v.reshape(-1, 3), q.reshape(-1, 4))
+    return q
 
 
 def kardan_from_matrix(R: np.ndarray) -> np.ndarray:

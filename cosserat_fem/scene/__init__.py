@@ -152,6 +152,10 @@ def _times(source: Source, tables: SceneTables) -> np.ndarray:
     solve, every = tables.solve, tables.output.every
     given = source.data["solve"]
     faults = _accuracy(source, tables)
+    if solve.out_of_plane and solve.plane is None:
+        faults.append(
+            source.fault(("solve", "out_of_plane"), 'out_of_plane goes with plane = "xy", "yz", "xz" or "auto".')
+        )
     for key, kind in _foreign(solve.kind).items():
         if key in given:
             more = "; use t" if solve.kind == "static" and kind == "quasistatic" else ""
@@ -278,6 +282,10 @@ def _time_step(source: Source, tables: SceneTables) -> list[str]:
         faults.append(source.fault(("solve", "rho_inf"), f"rho_inf must be from 0 to 1 (got {solve.rho_inf:g})."))
     if solve.rotation == "kardan":
         faults.append(source.fault(("solve", "rotation"), 'a run in time needs rotation = "quaternion".'))
+    if solve.out_of_plane:
+        faults.append(
+            source.fault(("solve", "out_of_plane"), "out_of_plane speaks of equilibria, not of runs in time.")
+        )
     if solve.times and (solve.times[0] < 0 or solve.times[-1] <= 0):
         got = f"{solve.times[0]:g} s to {solve.times[-1]:g} s"
         faults.append(source.fault(("solve", "times"), f"a run in time starts at 0 s and must end later (got {got})."))

@@ -100,7 +100,14 @@ class Builder:
         supports = list(self.supports.values())
         try:
             solve = self.tables.solve
-            model = Model(list(self.rods.values()), supports, terms, rotation=solve.rotation, theory=solve.theory)
+            model = Model(
+                list(self.rods.values()),
+                supports,
+                terms,
+                rotation=solve.rotation,
+                theory=solve.theory,
+                plane=solve.plane,
+            )
         except KardanError as error:
             raise SceneError(self.source.fault(("solve", "rotation"), str(error))) from None
         except SceneError as error:
@@ -117,6 +124,8 @@ class Builder:
         }
         named |= {("part", part.name): ("part", k) for k, part in enumerate(self.tables.part)}
         named |= {("support", str(h.name)): ("support", k) for k, h in self.supports.items() if isinstance(h, Support)}
+        if message.startswith("model: plane"):
+            return self.source.fault(("solve", "plane"), message.removeprefix("model: "))
         path = named.get((match.group(1), match.group(3)), ()) if match else ()
         if "string" in message and self.tables.solve.theory == "string":
             return self.source.fault(("solve", "theory"), message)

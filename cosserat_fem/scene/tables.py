@@ -437,6 +437,8 @@ class SolveTable(Table):
     until: custom(_until, "a factor, a time or 'critical'") = 1.0
     longest: quantity("number") | None = None
     branch: Integer | None = None
+    plane: Literal["xy", "yz", "xz", "auto"] | None = None
+    out_of_plane: Flag = False
     start: Literal["equilibrium", "drawn"] = "equilibrium"
     velocity: VelocityTable | None = None
     rho_inf: quantity("number") = 0.8

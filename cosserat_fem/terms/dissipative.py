@@ -46,6 +46,7 @@ class Damping:
     rod: Rod | None = None
     name: str = "damping"
     symmetric = True
+    steady = True
 
     def __post_init__(self) -> None:
         strains = check_shape("damping: strains", self.strains, (6,))

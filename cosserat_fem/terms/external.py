@@ -65,6 +65,7 @@ class Gravity:
     needs_mass = True
     tabulated = True
     acts_on_strings = True
+    steady = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "acceleration", check_shape("gravity: acceleration", self.acceleration, (3,)))
@@ -132,6 +133,16 @@ class LineLoad:
                     f"{where}: profile must run along the whole rod, 0 to {length:g} m (got {span}). Give factor 0 where "
                     "there is no load; two entries at one place make a step."
                 )
+
+    @property
+    def schedules(self) -> tuple[Schedule, Schedule]:
+        """Force and moment over time."""
+        return self._force, self._moment
+
+    @property
+    def steady(self) -> bool:
+        """True if `table` is the same at all times."""
+        return self._force.constant and self._moment.constant
 
     @property
     def kinks(self) -> np.ndarray:
@@ -220,6 +231,16 @@ class PointLoad:
         self.rod.place(self.at, where)
         object.__setattr__(self, "_force", Schedule(f"{where}: force", self.force, (3,), jumps=True))
         object.__setattr__(self, "_moment", Schedule(f"{where}: moment", self.moment, (3,), jumps=True))
+
+    @property
+    def schedules(self) -> tuple[Schedule, Schedule]:
+        """Force and moment over time."""
+        return self._force, self._moment
+
+    @property
+    def steady(self) -> bool:
+        """True if `table` is the same at all times."""
+        return self._force.constant and self._moment.constant
 
     @property
     def kinks(self) -> np.ndarray:

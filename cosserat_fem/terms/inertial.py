@@ -89,7 +89,7 @@ class InertiaStep:
         """The state with the velocity that the step gives it."""
         step_rates(
             state.r - self.start.r, self.start.q, state.q, self.rates.v, self.rates.a, self.rates.b, self.coefficients,
-            self.driven.nodes, self.driven.v, self.driven.a, self.D, self.v, self.a, self.b,
+            self.driven.nodes, self.driven.v.reshape(-1, 6), self.driven.a.reshape(-1, 6), self.D, self.v, self.a, self.b,
         )  # fmt: skip
         return replace(state, velocity=self.v, slope=self.slope) if self.wanted else state
 

@@ -48,10 +48,10 @@ def spaghetti(n_elements, order):
     return solve, error
 
 
-def pendulum(n_elements, order):
+def pendulum(n_elements, order, plane=None):
     section = cf.Section.round(0.01, youngs_modulus=5e6, shear_modulus=5e6 / 3, density=1100.0, shear_factor=1.0)
     rod = cf.Rod("rod", section, [(0, 0, 0), (1, 0, 0)], n_elements=n_elements, order=order)
-    model = cf.Model([rod], [cf.Pin(rod, "start")], [cf.Gravity((0, -9.81, 0))])
+    model = cf.Model([rod], [cf.Pin(rod, "start")], [cf.Gravity((0, -9.81, 0))], plane=plane)
     reference = np.array(REFERENCES["D2_tip"])
 
     def solve(step):
@@ -63,11 +63,11 @@ def pendulum(n_elements, order):
     return solve, error
 
 
-def follow(n_elements, order):
+def follow(n_elements, order, plane=None):
     section = cf.Section(force_stiffness=(400, 400, 1000), moment_stiffness=(1e-3, 1e-3, 8e-4))
     rod = cf.Rod("cable", section, [(0, 0, 0), (0.5, 0, 0)], n_elements=n_elements, order=order)
     arm = cf.Part("arm", motion=cf.Hinge((0.2, 0, 0), (0, 0, 1), np.radians(1)))
-    model = cf.Model([rod], [cf.Clamp(rod, "start"), cf.Clamp(rod, "end", to=arm)])
+    model = cf.Model([rod], [cf.Clamp(rod, "start"), cf.Clamp(rod, "end", to=arm)], plane=plane)
     reference = np.array(REFERENCES["D3_reaction"])
 
     def solve(_):
@@ -93,7 +93,10 @@ ROWS = [
     (pendulum, (6, 3), cf.FixedStep(0.0045), 1e-3, 0.1),
     (pendulum, (8, 3), extrapolated(0.004), 1e-4, 0.3),
     (pendulum, (12, 3), cf.AdaptiveStep(1e-2), None, None),
+    (pendulum, (5, 3, "xy"), cf.FixedStep(0.0045), 1e-3, 0.015),
+    (pendulum, (8, 3, "xy"), extrapolated(0.004), 1e-4, 0.08),
     (follow, (6, 3), None, 1e-3, 0.1),
+    (follow, (6, 3, "xy"), None, 1e-3, 0.03),
 ]
 
 
@@ -118,6 +121,7 @@ def main():
             name = "quasi-static" if step is None else f"{1e3 * step.dt:.4g} ms"
             name += ", extrapolated" if step is not None and step.richardson else ""
         wanted = ("", "") if accuracy is None else (f"{accuracy:.0e}", f"{limit:.2f}")
+        name = " ".join([*mesh[2:], name])
         print(f"{problem.__name__:10s} {mesh[0]:3d} x p{mesh[1]}  {name:28s} {len(history.steps):6d} ", end="")
         print(f"{error(history):9.1e} {wanted[0]:>7s} {min(spent):7.3f} {wanted[1]:>7s}")
 
