@@ -141,8 +141,9 @@ def table(rows: Iterable[Row]) -> str:
             made.add_section()
         error = f"{row.error:.1e}" if row.error is not None else "failed"
         costs = (f"{1e3 * row.cpu:.3g}", f"{1e3 * row.median:.3g}", str(row.runs)) if row.runs else ("", "", "")
+        method = row.method if row.tool == TOOL else f"{row.tool}: {row.method}"
         made.add_row(
-            row.problem if before != row.problem else "", row.method, row.resolution, error, *costs,
+            row.problem if before != row.problem else "", method, row.resolution, error, *costs,
             str(row.dofs), str(row.iterations or ""), str(row.steps or ""),
         )  # fmt: skip
         before = row.problem
