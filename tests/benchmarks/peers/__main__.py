@@ -113,7 +113,9 @@ def ratios(rows):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--problem", nargs="+", help="default: S1 S2 S3 S4 D1 D2 D3")
+    parser.add_argument(
+        "--problem", nargs="+", help="default: all of the bench; the other tools know S1 to S4 and D1 to D3"
+    )
     parser.add_argument("--tool", nargs="+", choices=TOOLS, default=list(TOOLS))
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("out/bench/peers.json"))
     parser.add_argument("--child", nargs=2, help=argparse.SUPPRESS)
@@ -125,7 +127,7 @@ def main():
     from cosserat_fem.bench.measure import Row, as_json
     from cosserat_fem.bench.problems import PROBLEMS
 
-    problems = options.problem or [name for name in PROBLEMS if name[0] in "SD"]
+    problems = options.problem or list(PROBLEMS)
     for name in problems:
         if name not in PROBLEMS:
             parser.error(f"problem {name!r} does not exist; known: {', '.join(PROBLEMS)}")
