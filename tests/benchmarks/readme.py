@@ -83,10 +83,10 @@ def section(peers, scaling):
         "![Cost against size](docs/images/scaling.png)",
         "",
         f"One cable of {one['rows'][0]['elements']} to {largest['elements']} elements of order 3: CPU time of an iteration "
-        f"~ elements^{one['time_exponent']:.2f}, memory ~ elements^{one['memory_exponent']:.2f}; at the largest {each:.1f} µs "
-        f"and {1024 * largest['memory'] / largest['elements']:.1f} kB an element. 1 to {many['rows'][-1]['size']} cables of ten "
-        f"elements in one model: time ~ elements^{many['time_exponent']:.2f}, memory ~ "
-        f"elements^{many['memory_exponent']:.2f}.",
+        f"~ elements^{one['time_exponent']:.2f}, memory ~ elements^{one['memory_exponent']:.2f}; at the largest "
+        f"{each:.1f} µs and {1024 * largest['memory'] / largest['elements']:.1f} kB an element. "
+        f"1 to {many['rows'][-1]['size']} cables of ten elements in one model: time ~ elements^{many['time_exponent']:.2f}, "
+        f"memory ~ elements^{many['memory_exponent']:.2f}.",
     ]
     return "\n".join(lines)
 

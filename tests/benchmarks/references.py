@@ -14,6 +14,7 @@ import argparse
 import json
 import pathlib
 import time
+from itertools import pairwise
 
 import numpy as np
 from scipy.integrate import solve_bvp, solve_ivp
@@ -218,7 +219,7 @@ def motion(b, elements, degree, start, end, times, *, turn, gravity=(0, 0, 0), l
     y[:, 3], y[:, 6] = np.cos(turn / 2), np.sin(turn / 2)
     y, found = y.ravel(), [y.ravel()]
     marks = [0.0, *kinks, times[-1]]
-    for a, z in zip(marks[:-1], marks[1:], strict=True):
+    for a, z in pairwise(marks):
         told = np.minimum(times[(times > a + 1e-12) & (times <= z + 1e-12)], z)
         solved = solve_ivp(field, (a, z), found[-1], method="DOP853", t_eval=told, rtol=1e-9, atol=1e-11)
         found += list(solved.y.T)
