@@ -29,7 +29,7 @@ try:
 except ModuleNotFoundError:
     import tomli as tomllib
 
-LIMIT = 10.0  # s
+LIMIT = 10.0  # s of CPU time: a busy machine is no hang
 STOP = 4.0  # s after which a run is stopped as Ctrl-C does: a mutation may ask for a long one
 RESIDUAL, LEDGER, BALANCE = 1e-5, 0.01, 1e-5
 DIRECTIONS = ("axis", "normal", "end_normal", "start_tangent", "end_tangent")  # their length says nothing
@@ -248,7 +248,24 @@ STRING = re.compile(r'"[^"\n]*"')
 KEY = re.compile(r"\b[a-z_]+(?= = )")
 HEADER = re.compile(r"^\[+[a-z]+\]+$", re.M)
 COUNT = re.compile(r"^(n_elements|order|steps) = ")  # a large one is not wrong, it takes long
-HOSTILE = ["0", "-1", "nan", "inf", "-inf", "1e308", "1e-308", "true", '"x"', "[]", "{}", "1e400", "0x10", "1_0", "+2.5", "[[1]]"]
+HOSTILE = [
+    "0",
+    "-1",
+    "nan",
+    "inf",
+    "-inf",
+    "1e308",
+    "1e-308",
+    "true",
+    '"x"',
+    "[]",
+    "{}",
+    "1e400",
+    "0x10",
+    "1_0",
+    "+2.5",
+    "[[1]]",
+]
 UNITS = ["mm", "m", "km", "deg", "s", "N", "MPa", "furlong", "", "mm mm", "kg/m^3", "°"]
 
 
@@ -289,8 +306,8 @@ def _string(text, rng):
     found = _pick(rng, STRING, text)
     other = _pick(rng, STRING, text)
     choices = [
-        '""', other.group(), found.group()[:-2] + '"', '"a' + found.group()[1:], '"\\u0007"', '"' + "x" * 3000 + '"', '"né ☃"',
-        '"../../etc"', '"nul\\u0000"', "3", "['a']",
+        '""', other.group(), found.group()[:-2] + '"', '"a' + found.group()[1:], '"\\u0007"', '"' + "x" * 3000 + '"',
+        '"né ☃"', '"../../etc"', '"nul\\u0000"', "3", "['a']",
     ]  # fmt: skip
     return _replace(text, found, str(rng.choice(np.array(choices, dtype=object))))
 
@@ -391,7 +408,13 @@ def stl_bytes(facets, *, text=False):
     if text:
         lines = ["solid table"]
         for facet in facets:
-            lines += ["facet normal 0 0 0", "outer loop", *(f"vertex {x} {y} {z}" for x, y, z in facet), "endloop", "endfacet"]
+            lines += [
+                "facet normal 0 0 0",
+                "outer loop",
+                *(f"vertex {x} {y} {z}" for x, y, z in facet),
+                "endloop",
+                "endfacet",
+            ]
         return ("\n".join([*lines, "endsolid table"]) + "\n").encode()
     rows = [struct.pack("<12fH", 0, 0, 0, *facet.ravel(), 0) for facet in facets]
     return b"box".ljust(80) + struct.pack("<I", len(facets)) + b"".join(rows)
@@ -433,12 +456,27 @@ def mutate_stl(rng):
     return data
 
 
+def triangles(data):
+    """The set of triangles of an STL file with a size, as corners in order; None if the file is not sound."""
+    try:
+        if data[:5] == b"solid" and b"vertex" in data:
+            corners = [line.split()[1:] for line in data.decode().splitlines() if line.split()[:1] == ["vertex"]]
+            facets = np.array(corners, dtype="<f4").reshape(-1, 3, 3)
+        else:
+            (count,) = struct.unpack("<I", data[80:84])
+            facets = np.array(list(struct.iter_unpack("<12fH", data[84 : 84 + 50 * count])))[:, 3:12].reshape(-1, 3, 3)
+    except (struct.error, ValueError, IndexError, UnicodeDecodeError):
+        return None
+    areas = np.linalg.norm(np.cross(facets[:, 1] - facets[:, 0], facets[:, 2] - facets[:, 0]), axis=1)
+    return {frozenset(map(tuple, facet.round(4).tolist())) for facet in facets[areas > 1e-6]}
+
+
 # the judge
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run left: exit code or None, what it said on standard error, what was raised, seconds."""
+    """What a run left: exit code or None, what it said on standard error, what was raised, CPU seconds."""
 
     code: int | None
     said: str
@@ -456,11 +494,11 @@ def _alarm(*_):
 
 def run(scene, out, *, limit=LIMIT, stop=STOP):
     """`cosserat-fem run` in this process, with an alarm, and stopped after `stop` seconds as by Ctrl-C."""
-    begin = time.monotonic()
+    begin = time.process_time()
     told, said = cli._Progress.__call__, io.StringIO()
-    cli._Progress.__call__ = lambda self, done, total: time.monotonic() - begin > stop
-    before = signal.signal(signal.SIGALRM, _alarm)
-    signal.setitimer(signal.ITIMER_REAL, limit)
+    cli._Progress.__call__ = lambda self, done, total: time.process_time() - begin > stop
+    before = signal.signal(signal.SIGPROF, _alarm)
+    signal.setitimer(signal.ITIMER_PROF, limit)
     code, raised = None, ""
     try:
         with contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()):
@@ -470,14 +508,14 @@ def run(scene, out, *, limit=LIMIT, stop=STOP):
     except Exception as error:  # what a user would see as a traceback
         raised = f"{type(error).__name__}: {error}"
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
         cli._Progress.__call__ = told
-    return Outcome(code, said.getvalue(), raised, time.monotonic() - begin)
+    return Outcome(code, said.getvalue(), raised, time.process_time() - begin)
 
 
-def judge(scene, out, base, *, limit=LIMIT):
-    """Complaints about what the program makes of a scene file that was made from `base` (a Base)."""
+def judge(scene, out, base, *, limit=LIMIT, mesh=None):
+    """Complaints about what the program makes of a scene file that was made from `base` (a Base), or of another mesh."""
     shutil.rmtree(out, ignore_errors=True)
     found = run(scene, out, limit=limit)
     if found.raised:
@@ -494,7 +532,8 @@ def judge(scene, out, base, *, limit=LIMIT):
     if found.code == 1 and len(found.said) < 20:
         complaints.append(f"stopped without a reason: {found.said!r}")
     if found.code == 0:
-        complaints += base.unchanged(scene) + wrong_results(out)
+        complaints += base.unchanged(scene) if mesh is None else base.unchanged_by(mesh, scene)
+        complaints += wrong_results(out)
     return complaints
 
 
@@ -517,11 +556,33 @@ class Base:
             loaded = load_scene(path)
         except CosseratError as error:
             return [f"runs, but does not load: {error}"]
+        ignored = _ignored(data, tomllib.loads(loaded.resolved()))
+        if ignored:
+            return [f"key {ignored} is taken and ignored"]
         if _without_folder(loaded.resolved(), path.parent) == self.resolved:
             return [] if _plain(data) == _plain(self.data) else ["a changed value did not change the resolved scene"]
         physics = [{k: v for k, v in _plain(d).items() if k not in self.IDLE} for d in (data, self.data)]
         same = fingerprint(loaded) == self.built and repr(physics[0]) != repr(physics[1])
         return ["a changed value changed nothing that is built"] if same else []
+
+    def unchanged_by(self, mesh, path):
+        """Complaint if another mesh makes the same surface."""
+        facets = [triangles(data) for data in (mesh, stl_bytes(TABLE))]
+        if facets[0] is None or facets[0] == facets[1]:
+            return []
+        loaded = load_scene(path)
+        repaired = any(part.surface().report for part in loaded.parts if part.mesh is not None)  # and the user is told
+        return [] if repaired or fingerprint(loaded) != self.built else ["another mesh makes the same surface"]
+
+
+def _ignored(data, resolved):
+    """A key of the data that the resolved scene does not have."""
+    if isinstance(data, list) and isinstance(resolved, list) and len(data) == len(resolved):
+        return next(filter(None, map(_ignored, data, resolved)), None)
+    if isinstance(data, dict) and isinstance(resolved, dict):
+        lost = [key for key in data if key not in resolved]
+        return lost[0] if lost else next(filter(None, (_ignored(data[key], resolved[key]) for key in data)), None)
+    return None
 
 
 def _without_folder(text, folder):
@@ -553,7 +614,9 @@ def fingerprint(scene):
         if value is None or isinstance(value, bool | int | float | str | bytes | complex | np.generic):
             return repr(value)
         if isinstance(value, np.ndarray):
-            return f"{value.dtype}{value.shape}{value.tobytes().hex()}" if value.dtype != object else walk(value.tolist())
+            return (
+                f"{value.dtype}{value.shape}{value.tobytes().hex()}" if value.dtype != object else walk(value.tolist())
+            )
         if id(value) in seen:
             return f"#{seen[id(value)][0]}"
         seen[id(value)] = len(seen), value  # held, so that its id stays its own
@@ -571,7 +634,7 @@ def fingerprint(scene):
 
     model = scene.model
     surfaces = [part.surface().points for part in scene.parts if part.mesh is not None]
-    solve = scene.tables.solve.model_dump()
+    solve = scene.tables.solve.model_dump(exclude={"t", "duration", "times"})  # they are in scene.times
     return walk([model.rods, model.supports, model.welds, model.terms, scene.parts, surfaces, scene.times, solve])
 
 
@@ -583,9 +646,9 @@ def _rows(path):
 def wrong_results(out):
     """Complaints about the results of a run that ended well."""
     summary = json.loads((out / "summary.json").read_text())
-    complaints = []
     if summary["status"] != "converged":
-        complaints.append(f"exit code 0, but status {summary['status']}")
+        return [f"exit code 0, but status {summary['status']}"]
+    complaints = []
     if not summary["worst_residual"] < RESIDUAL:
         complaints.append(f"residual {summary['worst_residual']:.1e}")
     if "in_time" in summary:

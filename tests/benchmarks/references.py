@@ -29,18 +29,23 @@ EXACT = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-14}
 # quaternions (w, x, y, z), last axis
 
 
-def rotation(q):
-    """Matrix (..., 3, 3) of a quaternion of any length."""
-    w, u = q[..., 0, None, None], q[..., 1:]
-    outer, square = u[..., :, None] * u[..., None, :], (q**2).sum(-1)[..., None, None]
-    cross = np.cross(u[..., None, :], np.eye(3))  # rows: u x e_k
-    return ((w**2 - (u**2).sum(-1)[..., None, None]) * np.eye(3) + 2 * outer + 2 * w * cross.swapaxes(-1, -2)) / square
+def cross(a, b):
+    """a x b (..., 3), several times faster than numpy's on small arrays."""
+    (a0, a1, a2), (b0, b1, b2) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
+    return np.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0], axis=-1)
+
+
+def rotated(q, v, sense=1.0):
+    """R v with the rotation of a quaternion of any length, or R^T v for sense = -1: v + 2 (w u x v + u x (u x v)) / q q."""
+    w, u = q[..., :1], q[..., 1:]
+    once = cross(u, v)
+    return v + 2 * (sense * w * once + cross(u, once)) / (q * q).sum(-1, keepdims=True)
 
 
 def times_vector(q, v):
     """q (0, v)."""
     w, u = q[..., :1], q[..., 1:]
-    return np.concatenate([-(u * v).sum(-1, keepdims=True), w * v + np.cross(u, v)], axis=-1)
+    return np.concatenate([-(u * v).sum(-1, keepdims=True), w * v + cross(u, v)], axis=-1)
 
 
 # statics
@@ -54,9 +59,9 @@ def arc_tip():
 
     def end(couple, force):
         def field(_, y):
-            R = rotation(y[3:7])
-            slope = R @ (np.array([1.0, 0, 0]) + R.T @ force / stiff)
-            turn = rest + R.T @ y[7:] / bent
+            q = y[3:7]
+            slope = rotated(q, np.array([1.0, 0, 0]) + rotated(q, force, -1) / stiff)
+            turn = rest + rotated(q, y[7:], -1) / bent
             return np.concatenate([slope, times_vector(y[3:7], turn) / 2, -np.cross(slope, force)])
 
         start = np.concatenate([np.zeros(3), [1.0, 0, 0, 0], couple])
@@ -188,19 +193,17 @@ def motion(b, elements, degree, start, end, times, *, turn, gravity=(0, 0, 0), l
     def field(t, y):
         r, q, v, omega = np.split(y.reshape(n, 13), (3, 7, 10), axis=1)
         local_q = q[nodes]
-        R = rotation(local_q)
         dr, dq = slope @ r[nodes], slope @ local_q
         conjugate = local_q * np.array([1, -1, -1, -1])
         turned = (
             conjugate[..., :1] * dq[..., 1:] + dq[..., :1] * conjugate[..., 1:]
-            + np.cross(conjugate[..., 1:], dq[..., 1:])
+            + cross(conjugate[..., 1:], dq[..., 1:])
         )  # fmt: skip
         curvature = 2 * turned / (local_q**2).sum(-1, keepdims=True)
-        strain = (R.swapaxes(-1, -2) @ dr[..., None])[..., 0] - ahead
-        force = (R @ (stiff * strain)[..., None])[..., 0]
-        couple = (R @ (bent * curvature)[..., None])[..., 0]
+        force = rotated(local_q, stiff * (rotated(local_q, dr, -1) - ahead))
+        couple = rotated(local_q, bent * curvature)
         on_nodes = gathered(-(weighted @ force))
-        turning = gathered(-(weighted @ couple) + np.cross(dr, force) * (w * h / 2)[:, None])
+        turning = gathered(-(weighted @ couple) + cross(dr, force) * (w * h / 2)[:, None])
         if load is not None:
             f, m = load(t)
             on_nodes[0] += f
@@ -208,8 +211,8 @@ def motion(b, elements, degree, start, end, times, *, turn, gravity=(0, 0, 0), l
         acceleration = on_nodes / (b.mass * share)[:, None] + gravity
         if pinned:
             acceleration[0] = 0.0
-        torque = (rotation(q).swapaxes(-1, -2) @ turning[..., None])[..., 0] / share[:, None]
-        spin = (torque - np.cross(omega, inertia * omega)) / inertia
+        torque = rotated(q, turning, -1) / share[:, None]
+        spin = (torque - cross(omega, inertia * omega)) / inertia
         return np.concatenate([v, times_vector(q, omega) / 2, acceleration, spin], axis=1).ravel()
 
     y = np.zeros((n, 13))
@@ -247,7 +250,7 @@ def spaghetti():
             p.SPAGHETTI, elements, degree, start, end, p.PROBLEMS["D1"].times, turn=np.arctan2(along[1], along[0]),
             load=load, kinks=knots[1:3],
         )
-        for elements, degree in ((6, 7), (10, 8))
+        for elements, degree in ((4, 7), (6, 8))
     ]  # fmt: skip
     return {"ends": finer("D1", *both).round(9).tolist()}
 
