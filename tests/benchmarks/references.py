@@ -2,7 +2,8 @@
 
     python tests/benchmarks/references.py [S2 S3 S4 D1 D2 D3] [--write]
 
-Compares what it finds with cosserat_fem/bench/references.json, and writes it there if told to. About two minutes.
+Compares what it finds with cosserat_fem/bench/references.json, and writes it there if told to. Statics take a minute,
+motions a quarter of an hour.
 
 Statics: the Cosserat rod as an initial value problem (DOP853, relative tolerance 1e-13), the unknown loads at the clamp by
 Newton's method; for S3 and D3 started by collocation. Motions: spectral elements (Gauss-Lobatto nodes are quadrature
