@@ -191,8 +191,11 @@ def scaling_table(studies: dict[str, Any]) -> str:
                 str(row["iterations"]), f"{each:.2f}", f"{row['memory']:.1f}",
                 f"{1024 * row['memory'] / row['elements']:.1f}",
             )  # fmt: skip
-        if study["time_exponent"] is not None:
-            fitted = f"time ~ elements^{study['time_exponent']:.2f}, memory ~ elements^{study['memory_exponent']:.2f}"
-            made.add_row(kind, fitted)
         made.add_section()
-    return _text(made)
+    fitted = [
+        f"{kind}: time of an iteration ~ elements^{study['time_exponent']:.2f}, memory ~ "
+        f"elements^{study['memory_exponent']:.2f}"
+        for kind, study in studies.items()
+        if study["time_exponent"] is not None
+    ]
+    return "\n".join([_text(made), *fitted])
