@@ -6,6 +6,7 @@ import fuzz
 import numpy as np
 import pytest
 
+import mutations
 from cosserat_fem import cli, scene
 from cosserat_fem.history import History
 from cosserat_fem.scene import build, load, tables
@@ -13,8 +14,8 @@ from cosserat_fem.section import Section
 from cosserat_fem.surface import Surface
 from cosserat_fem.terms import Gravity
 
-NAMES = list(fuzz.SCENES)
-BASES = {**fuzz.SCENES, "mesh": fuzz.MESH_SCENE}
+NAMES = list(mutations.SCENES)
+BASES = {**mutations.SCENES, "mesh": mutations.MESH_SCENE}
 SCENES, MESHES = 1500, 600  # of the long run
 
 
@@ -22,7 +23,7 @@ SCENES, MESHES = 1500, 600  # of the long run
 def fuzz_folder(tmp_path_factory):
     """Folder with the base scenes, which were run once, so that kernels are compiled."""
     folder = tmp_path_factory.mktemp("fuzz")
-    (folder / "table.stl").write_bytes(fuzz.stl_bytes(fuzz.TABLE))
+    (folder / "table.stl").write_bytes(mutations.stl_bytes(mutations.TABLE))
     for name, text in BASES.items():
         (folder / f"{name}.toml").write_text(text)
         assert fuzz.run(folder / f"{name}.toml", folder / f"first_{name}", limit=900, stop=900).code == 0
@@ -33,7 +34,7 @@ def complaints(folder, scenes, meshes, seed):
     """Complaints by case, of so many mutated scenes and meshes."""
     bases, found = {}, {}
     mesh = folder / "table.stl"
-    mesh.write_bytes(fuzz.stl_bytes(fuzz.TABLE))
+    mesh.write_bytes(mutations.stl_bytes(mutations.TABLE))
     for name, text in BASES.items():
         path = folder / f"{name}.toml"
         path.write_text(text)
@@ -43,12 +44,12 @@ def complaints(folder, scenes, meshes, seed):
     for k in range(scenes):
         name = NAMES[k % len(NAMES)]
         path = folder / f"{name}.toml"
-        path.write_bytes(fuzz.mutate(fuzz.SCENES[name], np.random.default_rng([seed, k])))
+        path.write_bytes(mutations.mutate(mutations.SCENES[name], np.random.default_rng([seed, k])))
         said = fuzz.judge(path, folder / "out", bases[name])
         if said:
             found[f"scene {name} {k}"] = said
     for k in range(meshes):
-        data = fuzz.mutate_stl(np.random.default_rng([seed, 10_000 + k]))
+        data = mutations.mutate_stl(np.random.default_rng([seed, 10_000 + k]))
         mesh.write_bytes(data)
         said = fuzz.judge(folder / "mesh.toml", folder / "out", bases["mesh"], mesh=data)
         if said:
@@ -239,7 +240,7 @@ def test_planted_fault_is_caught(name, fuzz_folder, monkeypatch):
     path, mesh = fuzz_folder / f"{base}.toml", fuzz_folder / "table.stl"
     for planted in (False, True):
         path.write_text(text)
-        mesh.write_bytes(fuzz.stl_bytes(fuzz.TABLE))
+        mesh.write_bytes(mutations.stl_bytes(mutations.TABLE))
         if not planted:
             original = fuzz.Base(path)
         else:
@@ -248,7 +249,7 @@ def test_planted_fault_is_caught(name, fuzz_folder, monkeypatch):
                 original = fuzz.Base(path)  # a program with this fault builds this from it
         other = None
         if change is None:
-            other = fuzz.stl_bytes(fuzz.TABLE * [1, 1.1, 1])
+            other = mutations.stl_bytes(mutations.TABLE * [1, 1.1, 1])
             mesh.write_bytes(other)
         else:
             assert change[0] in text
