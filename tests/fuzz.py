@@ -160,11 +160,13 @@ def _without_folder(text, folder):
 
 
 def _plain(value):
-    """Data with every number a float, so that 2 and 2.0 are one, and directions of length 1."""
+    """Data with every number a float, also before a unit, so that 2 and 2.0 are one, and directions of length 1."""
     if isinstance(value, dict):
         return {k: _unit(_plain(v)) if k in DIRECTIONS else _plain(v) for k, v in sorted(value.items())}
     if isinstance(value, list):
         return [_plain(v) for v in value]
+    if isinstance(value, str) and (quantity := re.fullmatch(r"(-?\d[\d.]*(?:e[-+]?\d+)?) (.*)", value)):
+        return f"{float(quantity.group(1))} {quantity.group(2)}"
     return float(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 

@@ -239,7 +239,7 @@ HOSTILE = [
     "+2.5",
     "[[1]]",
 ]
-UNITS = ["mm", "m", "km", "deg", "s", "N", "MPa", "furlong", "", "mm mm", "kg/m^3", "°"]
+UNITS = ["mm", "m", "km", "deg", "s", "N", "MPa", "furlong", "mm mm", "kg/m^3", "°"]
 
 
 def _replace(text, match, new):
@@ -280,7 +280,7 @@ def _string(text, rng):
     other = _pick(rng, STRING, text)
     choices = [
         '""', other.group(), found.group()[:-2] + '"', '"a' + found.group()[1:], '"\\u0007"', '"' + "x" * 3000 + '"',
-        '"né ☃"', '"../../etc"', '"nul\\u0000"', "3", "['a']",
+        '"né ☃"', '"/nowhere/at all"', '"nul\\u0000"', "3", "['a']",
     ]  # fmt: skip
     return _replace(text, found, str(rng.choice(np.array(choices, dtype=object))))
 
