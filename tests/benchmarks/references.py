@@ -302,7 +302,7 @@ def main():
         print(f"{time.perf_counter() - begin:.0f} s", flush=True)
         kept[name] = {"source": source, "values": values}
     if options.write:
-        TARGET.write_text(json.dumps(kept))
+        TARGET.write_text(json.dumps(kept) + "\n")
 
 
 if __name__ == "__main__":
