@@ -248,11 +248,13 @@ def _station(history: Any, k: int) -> str:
 class _Progress:
     """A bar on a terminal, a line every few seconds elsewhere; `interrupted` after Ctrl-C.
 
-    The first Ctrl-C asks for a stop after this station, the second stops at once, as the first does if there is only one.
+    The first Ctrl-C asks for a stop after this station (or what else is counted), the second stops at once, as the first
+    does if there is only one.
     """
 
-    def __init__(self, total: int, quiet: bool) -> None:
-        self.total, self.quiet, self.interrupted, self._last = total, quiet, False, time.monotonic()
+    def __init__(self, total: int, quiet: bool, what: str = "stations") -> None:
+        self.total, self.quiet, self.what = total, quiet, what
+        self.interrupted, self._last = False, time.monotonic()
         self._bar: Any = None
         self._before: Any = None
 
@@ -283,10 +285,10 @@ class _Progress:
 
     def __call__(self, done: int, total: int) -> bool:
         if self._bar is not None:
-            self._bar.update(self._task, completed=done)
+            self._bar.update(self._task, completed=done, total=total)
         elif not self.quiet and time.monotonic() - self._last > 5:
             self._last = time.monotonic()
-            say(f"  {done} of {total} stations")
+            say(f"  {done} of {total} {self.what}")
         return self.interrupted
 
 
@@ -454,6 +456,54 @@ def render(
     else:
         say(f"Pictures in {folder / 'pictures'}")
     return OK
+
+
+@app.command
+def bench(
+    *,
+    problem: Annotated[list[str] | None, Parameter(name="--problem", consume_multiple=True, negative="")] = None,
+    out: Out = None,
+    plot: Annotated[bool, Parameter(negative="")] = False,
+    peers: pathlib.Path | None = None,
+    scaling: Annotated[bool, Parameter(negative="")] = False,
+    repeats: int = 30,
+) -> int:
+    """Measure error against CPU time on published problems, with one thread: a table, and bench.json.
+
+    Parameters
+    ----------
+    problem
+        Names out of S1 S2 S3 S4 D1 D2 D3 B03 C1; default all.
+    out
+        Folder for the results; default out/bench.
+    plot
+        Also draw work-precision diagrams.
+    peers
+        What `python tests/benchmarks/peers` wrote of other tools, to draw beside.
+    scaling
+        Only measure how time and memory grow, up to 100 000 elements and 1000 rods.
+    repeats
+        Time each case this often at most.
+    """
+    from .bench import one_thread
+
+    one_thread()
+    from .bench.command import bench as measured
+    from .errors import SceneError
+
+    try:
+        with _Progress(2, quiet=False, what="cases") as progress:
+            report = measured(
+                problem, out or pathlib.Path("out/bench"), plot=plot, peers=peers, scaling=scaling, repeats=repeats,
+                progress=progress,
+            )  # fmt: skip
+    except SceneError as error:
+        _tell_faults(error.faults)
+        return WRONG
+    if progress.interrupted:
+        say_wrong("interrupted; what was measured is written.")
+    say(report)
+    return STOPPED if progress.interrupted else OK
 
 
 @app.command

@@ -81,7 +81,8 @@ def takes(model: Model) -> bool:
     c = model.constraints
     if model.plane is not None:
         return True
-    simple = not c.transforms and not c.joints and len(model.space.groups) == 1 and isinstance(model.internal, QuaternionBeam)
+    simple = not c.transforms and not c.joints and len(model.space.groups) == 1
+    simple = simple and isinstance(model.internal, QuaternionBeam)
     return simple and all(getattr(term, "tabulated", False) for term in model.terms)
 
 

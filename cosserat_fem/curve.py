@@ -19,6 +19,7 @@ from .errors import check_shape
 from .kernels.rotation import kardan_from_matrix, transport_normals
 
 STRAIGHT = 1e-9  # curvature times length below which a curve counts as straight
+FARTHEST = 1e100  # m: squares of what is further away are no numbers
 _X, _W = np.polynomial.legendre.leggauss(8)
 
 
@@ -49,6 +50,10 @@ class SmoothCurve:
         points = check_shape(f"{name}: points", points, (-1, 3))
         if len(points) < 2:
             raise ValueError(f"{name}: points: must be at least two (got {len(points)}).")
+        far = np.abs(points).max(axis=1)
+        if far.max() > FARTHEST:
+            where = ", ".join(f"{x:g}" for x in points[np.argmax(far)])
+            raise ValueError(f"{name}: points: ({where}) is further away than {FARTHEST:g} m. Is the unit right?")
         chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
         size = np.ptp(points, axis=0).max()
         same = np.flatnonzero(chords <= 1e-12 * max(size, 1e-300))

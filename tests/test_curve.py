@@ -145,3 +145,9 @@ def test_end_normal_twists_evenly():
 def test_bad_points(points, message):
     with pytest.raises(ValueError, match=message):
         SmoothCurve(points)
+
+
+def test_points_beyond_numbers_are_refused():
+    """Squares of their distances are not finite."""
+    with pytest.raises(ValueError, match=r"rod: points: \(0, 1e\+308, 0\) is further away than 1e\+100 m"):
+        SmoothCurve([(0, 0, 0), (0, 1e308, 0)], name="rod")
