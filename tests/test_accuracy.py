@@ -135,7 +135,7 @@ def test_rigid_turning_in_space_has_no_error_of_elements():
 def test_every_peak_of_a_motion_has_an_error():
     """Also of a held motion whose error would grow: what is not finite is told as None."""
     from cosserat_fem.accuracy import add_errors
-    from cosserat_fem.run import describe
+    from cosserat_fem.summary import describe
 
     history = cf.solve_dynamic(
         pendulum(3, 2), 0.1, start="drawn", step=cf.FixedStep(0.01), times=np.linspace(0, 0.1, 11)
