@@ -50,7 +50,10 @@ def test_same_bits(cases):
         assert digests(cases, 2) == first
 
 
-@pytest.mark.parametrize("steps", [1500, pytest.param(100_000, marks=pytest.mark.slow)])
+REMEMBERED = 250_000  # bytes: places of supports at the last thousand times, and what belongs to them
+
+
+@pytest.mark.parametrize("steps", [3000, pytest.param(100_000, marks=pytest.mark.slow)])
 def test_memory_is_flat(steps):
     """A pendulum over many steps of which few states are kept: only the log of steps grows."""
     section = cf.Section.round(0.01, youngs_modulus=5e8, poisson_ratio=0.3, density=1100.0)
@@ -61,7 +64,7 @@ def test_memory_is_flat(steps):
 
     def look(run):
         done = len(run.history.steps)
-        if done in (steps * 3 // 5, steps):  # what is remembered of the last times is full by then
+        if done in (steps * 3 // 5, steps):
             held[done] = tracemalloc.get_traced_memory()[0]
 
     def solve(n, **options):
@@ -78,4 +81,4 @@ def test_memory_is_flat(steps):
     assert len(history.steps) == steps
     row = history.steps[-1]
     logged = (sys.getsizeof(row) + 3 * sys.getsizeof(row[0]) + 9) * 0.4 * steps  # 9: of the list, with what it reserves
-    assert held[steps] - held[steps * 3 // 5] < logged + 20_000
+    assert held[steps] - held[steps * 3 // 5] < logged + REMEMBERED
