@@ -104,7 +104,7 @@ def trace_path(
     if critical and (until != "critical" or along != "loads"):
         raise ValueError(f"trace_path: until must be a number, or 'critical' along loads (got {until!r}).")
     end = FARTHEST_LOAD if critical else check_number("trace_path: until", until)
-    trace = _begin(model, loads, along, t, end, start)
+    trace = _begin(model.in_space(), loads, along, t, end, start)
     trace.ds = min(trace.ds, longest)
     if critical:
         trace.path.shortest = TINIEST

@@ -44,11 +44,11 @@ class Impact:
     def __init__(self, model: Model, balance: Balance) -> None:
         self.model, self.balance = model, balance
 
-    def feel(self, state: State, rates: Rates, lasts: np.ndarray | None = None) -> tuple[Rates, Grip]:
+    def feel(self, state: State, rates: Rates, lasts: np.ndarray) -> tuple[Rates, Grip]:
         """Contact at an accepted state, and rates that have it where it lasts; given are some that have it at `lasts`."""
         force = -self.model.touching(state)
         answer = self.balance.share(state, force)[0]
-        had = np.zeros_like(answer) if lasts is None else np.where(lasts, answer, 0.0)
+        had = np.where(lasts, answer, 0.0)
         now = np.zeros(answer.shape, dtype=bool)
         for k in BLOCKS:
             alone = rates.b[:, k] - had[:, k]

@@ -279,8 +279,8 @@ class Run:
         self.g = g + self.balance.inertia(v, a)
         self.rates = Rates(v, a, a.copy())
         if self.impact is not None:
-            a = a - self.balance.share(self.state, -model.touching(self.state))[0]
-            self.rates, self.grip = self.impact.feel(self.state, Rates(v, a, a.copy()))
+            everywhere = np.ones(a.shape, dtype=bool)  # these accelerations have contact at every node
+            self.rates, self.grip = self.impact.feel(self.state, self.rates, everywhere)
         self.forces = self._tabulate_forces()
 
     # steps
@@ -366,7 +366,7 @@ class Run:
         wanted = min(self.wanted_h, LARGEST_TURN / max(fastest, 1e-300))
         near = SMALLEST * (self.end - self.begin_time)
         if self.newton.approach is not None and not any(self.stored):
-            self.state = self.newton.approach.harden(self.state, self._impact())
+            self.state = self.newton.approach.harden(self.state, self._striking_energy())
         late = 0.0
         while True:
             k = int(np.searchsorted(self._stops, self.state.t + near))
@@ -515,7 +515,7 @@ class Run:
             (v[:, :3] ** 2).sum(1) @ space.node_mass + (v[:, 3:] ** 2 * space.node_inertia).sum()
         )
 
-    def _impact(self) -> float:
+    def _striking_energy(self) -> float:
         """Energy [J] with which rods might hit something, parts included."""
         speed = np.linalg.norm(self.rates.v[:, :3], axis=1)
         for part in {

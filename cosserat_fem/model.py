@@ -207,6 +207,16 @@ class Model:
         other.spent, other._memo = {}, {}
         return other
 
+    def in_space(self) -> Model:
+        """The same system without its plane, for what looks out of it; `warnings` is the same object."""
+        if self._wanted_plane is None:
+            return self
+        other = copy(self)
+        other.__dict__.pop("free_motions", None)  # those in the plane
+        other._wanted_plane, other.plane, other.plane_choice = None, None, "no plane: what leaves it counts here"
+        other.spent, other._memo = {}, {}
+        return other
+
     def with_theory(self, theory: Literal["cosserat", "kirchhoff", "string"]) -> Model:
         """The same rods on the same elements, supports and terms in another theory; with warnings of its own."""
         elements = {rod: view.mesh for rod, view in self.space.views.items()}

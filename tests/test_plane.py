@@ -365,3 +365,23 @@ def test_scene_with_a_plane(tmp_path):
     file.write_text(SCENE.replace('plane = "auto"', ""))
     with pytest.raises(cf.SceneError, match="out_of_plane goes with plane"):
         cf.load_scene(file)
+
+
+def test_a_path_may_leave_the_plane():
+    """Paths are followed in space: the branch out of the plane of an arch is the one of the model without a plane."""
+    section = cf.Section.round(0.01, youngs_modulus=2e9, poisson_ratio=0.3, density=1000)
+    angle = np.linspace(0, np.pi, 31)
+    points = 0.5 * np.stack([-np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    rod = cf.Rod("arch", section, points, rest="as_drawn", n_elements=12)
+    supports = [cf.Clamp(rod, "start"), cf.Clamp(rod, "end")]
+    ends, criticals = [], []
+    for plane in (None, "xy"):
+        model = cf.Model([rod], supports, [cf.PointLoad(rod, rod.length / 2, (0, -30.0, 0))], plane=plane)
+        history = cf.trace_path(model, until=1.0, branch=1)
+        assert history.status == "converged"
+        assert history.model.plane is None
+        ends.append(history.positions(rod)[-1])
+        criticals.append(cf.critical_load(model).value)
+    assert np.abs(ends[0][:, 2]).max() > 0.1
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-6)
+    assert criticals[1] == pytest.approx(criticals[0], rel=1e-6)

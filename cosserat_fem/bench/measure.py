@@ -12,7 +12,7 @@ import platform
 import statistics
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from importlib import metadata
 from typing import Any
@@ -125,12 +125,9 @@ def front(rows: Iterable[Row]) -> list[Row]:
 
 def machine(packages: Iterable[str] = ("numpy", "scipy", "numba", TOOL)) -> dict[str, Any]:
     """Where it was measured: processor, cores, load, threads, versions."""
-    processor = platform.processor()
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as file:
-            processor = next((line.split(":")[1].strip() for line in file if line.startswith("model name")), processor)
-    except OSError:
-        pass
+    processor = platform.processor()  # on Linux often empty; the file is there only
+    with suppress(FileNotFoundError), open("/proc/cpuinfo", encoding="utf-8") as file:
+        processor = next((line.split(":")[1].strip() for line in file if line.startswith("model name")), processor)
     versions = {"python": platform.python_version()}
     for package in packages:
         try:

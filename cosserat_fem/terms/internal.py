@@ -71,6 +71,18 @@ class InternalForce(Protocol):
     def memory(self, stresses: list[np.ndarray]) -> tuple[np.ndarray, ...]: ...
 
 
+def blocks_of_groups(space: Space, g: np.ndarray, matrices: list[np.ndarray] | None) -> list[Blocks]:
+    """Element forces and matrices, one Blocks for each group, of a residual g (N, 6) that is summed over elements already:
+    each node's sum is given to one of its elements."""
+    blocks = []
+    for k, group in enumerate(space.groups):
+        force = np.zeros((group.n_elements, group.order + 1, 6))
+        mine = space.owner[group.conn] == np.arange(group.n_elements)[:, None]
+        force[mine] = g[group.conn[mine]]
+        blocks.append(Blocks(group.conn, force, None if matrices is None else matrices[k]))
+    return blocks
+
+
 @dataclass(frozen=True, eq=False)
 class QuaternionBeam:
     """Internal force with interpolated quaternions; kernels `beam` and `condense`."""
@@ -79,15 +91,9 @@ class QuaternionBeam:
 
     def __call__(self, state: State, space: Space, *, tangent: bool = True) -> list[Blocks]:
         """Element matrices and forces, one Blocks for each group; the general path and the tests."""
-        blocks = []
         g = np.zeros((space.n_nodes, 6))
-        for group, K in zip(space.groups, self.full(state, space, g)[2], strict=True):
-            # forces are summed over elements already: give each node's sum to one of its elements
-            force = np.zeros((group.n_elements, group.order + 1, 6))
-            mine = space.owner[group.conn] == np.arange(group.n_elements)[:, None]
-            force[mine] = g[group.conn[mine]]
-            blocks.append(Blocks(group.conn, force, K if tangent else None))
-        return blocks
+        matrices = self.full(state, space, g)[2]
+        return blocks_of_groups(space, g, matrices if tangent else None)
 
     def residual(self, state: State, space: Space, g: np.ndarray, tables: Tables | None = None) -> tuple[float, float]:
         """Add the internal force to g (N, 6); return the largest section force [N] and moment [N m]."""
@@ -190,13 +196,7 @@ class KardanBeam:
     def __call__(self, state: State, space: Space, *, tangent: bool = True) -> list[Blocks]:
         g = np.zeros((space.n_nodes, 6))
         _, _, matrices = self._elements(state, space, g, tangent)
-        blocks = []
-        for group, K in zip(space.groups, matrices, strict=True):
-            force = np.zeros((group.n_elements, group.order + 1, 6))
-            mine = space.owner[group.conn] == np.arange(group.n_elements)[:, None]
-            force[mine] = g[group.conn[mine]]
-            blocks.append(Blocks(group.conn, force, K if tangent else None))
-        return blocks
+        return blocks_of_groups(space, g, matrices if tangent else None)
 
     def residual(self, state: State, space: Space, g: np.ndarray, tables: Tables | None = None) -> tuple[float, float]:
         force, moment, _ = self._elements(state, space, g, False)

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..kernels import condense
 from ..space import Blocks, Group, Space, State
-from .internal import NO_MATRICES, Additions, Condensed, Tables
+from .internal import NO_MATRICES, Additions, Condensed, Tables, blocks_of_groups
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,14 +46,9 @@ class String:
         return largest, 0.0, matrices
 
     def __call__(self, state: State, space: Space, *, tangent: bool = True) -> list[Blocks]:
-        blocks, g = [], np.zeros((space.n_nodes, 6))
-        _, _, matrices = self._elements(state, space, g, True)
-        for group, K in zip(space.groups, matrices, strict=True):
-            force = np.zeros((group.n_elements, group.order + 1, 6))
-            mine = space.owner[group.conn] == np.arange(group.n_elements)[:, None]
-            force[mine] = g[group.conn[mine]]
-            blocks.append(Blocks(group.conn, force, K if tangent else None))
-        return blocks
+        g = np.zeros((space.n_nodes, 6))
+        _, _, matrices = self._elements(state, space, g, tangent)
+        return blocks_of_groups(space, g, matrices if tangent else None)
 
     def residual(self, state: State, space: Space, g: np.ndarray, tables: Tables | None = None) -> tuple[float, float]:
         return self._elements(state, space, g, False)[:2]
