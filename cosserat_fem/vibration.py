@@ -22,7 +22,7 @@ from .model import Model
 from .newton import STAGNANT, Newton
 from .space import State
 
-DENSE = 400  # unknowns up to which a dense solution is faster
+DENSE, UNSYMMETRIC = 400, 100  # unknowns up to which a dense solution is faster, with a symmetric tangent and without
 AT_REST = 1e-6  # relative residual of an equilibrium
 SHIFT = 0.01  # times EI / (m L^4), below zero: motions without stiffness make the tangent itself singular
 NOISE = 1e-9  # of the largest 1 / omega^2: an imaginary part below it is round-off
@@ -156,7 +156,7 @@ def _inverse(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Largest eigenvalues mu = 1 / (lambda - shift) of the inverse times M, and their vectors; all if there are few."""
     size = K.shape[0]
-    if size > max(DENSE, 4 * n):
+    if size > max(DENSE if symmetric else UNSYMMETRIC, 4 * n):
         count, start = min(n + 2, size - 2), np.random.default_rng(0).normal(size=size)
         inverse = LinearOperator(K.shape, lu.solve, dtype=float)
         solve = eigsh if symmetric else eigs
