@@ -27,11 +27,12 @@ from math import atan2
 
 import numpy as np
 
-from . import inner, kernel
-from .beam import LANES, U1, U2, at
+from . import inner, kernel, merged
+from .beam import LANES, U1, U2, U3, U6, at
 from .condense import clear, copy_lanes
 
 KINEMATIC_ROWS, COLUMN_ROWS = 9, 6
+U4, U5, U7, U8 = (np.uint64(k * LANES) for k in (4, 5, 7, 8))
 
 
 @inner
@@ -46,7 +47,7 @@ def gather(conn, r, q, node):
             node[(4 * a + 3) * LANES + lane] = q[k, 1]
 
 
-@inner
+@merged
 def interpolate(N, N_s, node, S):
     """x, P, D at one Gauss point of a pack.  N (A,), N_s flat (A), node flat (4A), S flat (6)."""
     for l in range(6 * LANES):
@@ -65,7 +66,7 @@ def interpolate(N, N_s, node, S):
             S[5 * LANES + l] += b * s
 
 
-@inner
+@merged
 def kinematics(S, M):
     """Rows 0, 1 cosine and sine of the angle, 2, 3 Gamma, 4 K, 5 sigma, 6 1/|P|^2, 7, 8 P."""
     for l in range(LANES):
@@ -80,7 +81,7 @@ def kinematics(S, M):
         M[6 * LANES + l], M[7 * LANES + l], M[8 * LANES + l] = i2, p0, p1
 
 
-@inner
+@merged
 def stress_of(M, C, reference, T):
     """T = C (strain - reference); C six rows, the upper triangle for stretch, shear, bend."""
     for l in range(LANES):
@@ -110,7 +111,7 @@ def largest_of(largest):
     return np.sqrt(n2), np.sqrt(m2)
 
 
-@inner
+@merged
 def generalized_force(M, T, dx, F):
     """Gradient of n.Gamma + m K times dx: rows 0, 1 for x, 2 rho, 3 omega, 4 Y."""
     for l in range(LANES):
@@ -123,7 +124,7 @@ def generalized_force(M, T, dx, F):
         F[4 * LANES + l] = m
 
 
-@inner
+@merged
 def relative_number(M, node, on, c, oc):
     """c = p_a / P, two rows of c from offset oc; node from offset on."""
     for l in range(LANES):
@@ -134,7 +135,7 @@ def relative_number(M, node, on, c, oc):
         c[oc + u + U1] = i2 * (p0 * a1 - p1 * a0)
 
 
-@inner
+@merged
 def add_node_force(N, N_s, oa, c, oc, F, G, og):
     """Add one Gauss point's force and moment at one node: G three rows from offset og."""
     for l in range(LANES):
@@ -146,7 +147,7 @@ def add_node_force(N, N_s, oa, c, oc, F, G, og):
         G[og + u + U2] += h
 
 
-@inner
+@merged
 def x_stiffness(M, C, dx, D):
     """R C_n R^T dx, three rows (upper triangle)."""
     for l in range(LANES):
@@ -159,7 +160,7 @@ def x_stiffness(M, C, dx, D):
         D[2 * LANES + l] = w * (s * b0 + c * b1)
 
 
-@inner
+@merged
 def tangent_column(N, N_s, oa, c, oc, M, sigma, C, dx, V):
     """What one node's rotation does at a Gauss point: the change of the gradient for x (rows 0, 1, in space), rho, omega,
     zeta0, Y (rows 2 to 5), material (C) and geometric (stress memory sigma)."""
@@ -189,70 +190,76 @@ def tangent_column(N, N_s, oa, c, oc, M, sigma, C, dx, V):
         V[5 * LANES + l] = t2 - 0.5 * m * rho
 
 
-@inner
-def add_upper(N, N_s, oa, oe, c, oc, V, D, X, x0, x1, t):
+@merged
+def add_upper(N, N_s, oa, oe, c, oc, V, D, X, x):
     """Add one block on or above the diagonal, but for its row of the moment under displacements.
 
-    N, oa, oc: node of the rows; oe: of the columns; x0, x1, t: offsets of its rows of the force and of the moment.
+    N, oa, oc: node of the rows; oe: of the columns; x: offset of the block.
     """
     for l in range(LANES):
         u = np.uint64(l)
         b, c0, c1 = N_s[oa + u], c[oc + u], c[oc + u + U1]
         w = b * N_s[oe + u]
         d1 = w * D[1 * LANES + l]
-        X[x0 + u] += w * D[0 * LANES + l]
-        X[x0 + u + U1] += d1
-        X[x0 + u + U2] += b * V[0 * LANES + l]
-        X[x1 + u] += d1
-        X[x1 + u + U1] += w * D[2 * LANES + l]
-        X[x1 + u + U2] += b * V[1 * LANES + l]
-        entry = N * (c0 * V[3 * LANES + l] - c1 * V[2 * LANES + l])
-        X[t + u + U2] += entry + b * (c0 * V[5 * LANES + l] - c1 * V[4 * LANES + l])
+        X[x + u] += w * D[0 * LANES + l]
+        X[x + u + U1] += d1
+        X[x + u + U2] += b * V[0 * LANES + l]
+        X[x + u + U3] += d1
+        X[x + u + U4] += w * D[2 * LANES + l]
+        X[x + u + U5] += b * V[1 * LANES + l]
+        turned = N * (c0 * V[3 * LANES + l] - c1 * V[2 * LANES + l])
+        X[x + u + U8] += turned + b * (c0 * V[5 * LANES + l] - c1 * V[4 * LANES + l])
 
 
-@inner
-def add_turned(N_s, oa, V, X, t):
-    """Add the moment of a node under the displacement of another one: what symmetry gives of the force under the turn."""
+@merged
+def add_turned(N_s, oa, V, X, x):
+    """Add the moment of a node under the displacement of another one, the last row of the block at x: what symmetry gives
+    of the force under the turn."""
     for l in range(LANES):
         u = np.uint64(l)
         b = N_s[oa + u]
-        X[t + u] += b * V[0 * LANES + l]
-        X[t + u + U1] += b * V[1 * LANES + l]
+        X[x + u + U6] += b * V[0 * LANES + l]
+        X[x + u + U7] += b * V[1 * LANES + l]
 
 
-@inner
-def add_update_curvature(N, N_s, oa, c, oc, M, sigma, dx, X, o):
-    """Subtract the second order of p exp(i phi / 2) under the gradient of the stress memory."""
+@merged
+def add_update_curvature(N, N_s, oa, c, oc, M, sigma, dx, X, x):
+    """Subtract the second order of p exp(i phi / 2) under the gradient of the stress memory, in the block at x."""
     for l in range(LANES):
         u = np.uint64(l)
         w, b, c0, c1 = dx[l], N_s[oa + u], c[oc + u], c[oc + u + U1]
         n0, n1, m = w * sigma[0 * LANES + l], w * sigma[1 * LANES + l], w * sigma[2 * LANES + l]
         rho = -0.5 * m * M[4 * LANES + l]
         omega = n0 * M[3 * LANES + l] - n1 * M[2 * LANES + l] - 0.5 * m * M[5 * LANES + l]
-        X[o + u] -= 0.5 * (N * (c0 * rho + c1 * omega) + b * c1 * m)
+        X[x + u + U8] -= 0.5 * (N * (c0 * rho + c1 * omega) + b * c1 * m)
 
 
 @inner
 def place_of(a, A):
-    """First row of a node in a pack's matrix: interior nodes first, then the two vertices."""
-    return 3 * (a - 2 if a >= 2 else a + A - 2)
+    """Row of a node among the blocks of a pack's matrix: interior nodes first, then the two vertices."""
+    return a - 2 if a >= 2 else a + A - 2
 
 
 @inner
-def mirror(n, X):
+def entry(i, j, A):
+    """Where entry (i, j) of a pack's matrix stands: 3 x 3 blocks, row by row, the nine entries of each together."""
+    return 9 * ((i // 3) * A + j // 3) + 3 * (i % 3) + j % 3
+
+
+@inner
+def mirror(A, X):
     """Fill what stands below the diagonal."""
-    for i in range(n):
+    for i in range(3 * A):
         for j in range(i):
-            copy_lanes(X, at(j * n + i), X, at(i * n + j))
+            copy_lanes(X, at(entry(j, i, A)), X, at(entry(i, j, A)))
 
 
 @inner
 def add_nodal(conn, first, count, owner, nodal, shift, mu, X):
     """Add nodal matrices (N, 3, 3), or none, and mu * shift (N, 3) on the diagonal, each node once."""
     A = conn.shape[0]
-    n = 3 * A
     for a in range(A):
-        row = place_of(a, A)
+        x = 9 * place_of(a, A) * (A + 1)
         for lane in range(count):
             k = conn[a, lane]
             if owner[k] != first + lane:
@@ -260,10 +267,10 @@ def add_nodal(conn, first, count, owner, nodal, shift, mu, X):
             if nodal.shape[0] > 0:
                 for i in range(3):
                     for j in range(3):
-                        X[((row + i) * n + row + j) * LANES + lane] += nodal[k, i, j]
+                        X[(x + 3 * i + j) * LANES + lane] += nodal[k, i, j]
             if mu > 0.0:
                 for i in range(3):
-                    X[((row + i) * n + row + i) * LANES + lane] += mu * shift[k, i]
+                    X[(x + 4 * i) * LANES + lane] += mu * shift[k, i]
 
 
 @inner
@@ -271,119 +278,123 @@ def fill_rhs(conn, g, b):
     """Right-hand side -g at the interior nodes; the vertices' share is summed over elements elsewhere."""
     A = conn.shape[0]
     for a in range(A):
-        row = place_of(a, A)
+        row = 3 * place_of(a, A)
         for lane in range(LANES):
             k = conn[a, lane]
             for i in range(3):
                 b[(row + i) * LANES + lane] = -g[k, i] if a >= 2 else 0.0
 
 
-@inner
-def subtract_three(f, fo, source, so, target, to):
+@merged
+def subtract_three(f, source, so, target, to):
     """target -= f source for three columns, one factor per lane."""
     for l in range(U1):
-        g = f[fo + l]
+        g = f[l]
         target[to + l] -= g * source[so + l]
         target[to + l + U1] -= g * source[so + l + U1]
         target[to + l + U2] -= g * source[so + l + U2]
 
 
-@inner
-def subtract_three_rows(f, source, s0, s1, s2, target, to):
-    """target -= f0 source0 + f1 source1 + f2 source2 for three columns; f flat (3)."""
+@merged
+def subtract_block(f, source, so, target, to):
+    """target -= f source for 3 x 3 blocks; f nine rows."""
     for l in range(U1):
+        s0, s1, s2 = source[so + l], source[so + l + U1], source[so + l + U2]
+        s3, s4, s5 = source[so + l + U3], source[so + l + U4], source[so + l + U5]
+        s6, s7, s8 = source[so + l + U6], source[so + l + U7], source[so + l + U8]
         f0, f1, f2 = f[l], f[l + U1], f[l + U2]
-        a = f0 * source[s0 + l] + f1 * source[s1 + l] + f2 * source[s2 + l]
-        b = f0 * source[s0 + l + U1] + f1 * source[s1 + l + U1] + f2 * source[s2 + l + U1]
-        c = f0 * source[s0 + l + U2] + f1 * source[s1 + l + U2] + f2 * source[s2 + l + U2]
-        target[to + l] -= a
-        target[to + l + U1] -= b
-        target[to + l + U2] -= c
+        target[to + l] -= f0 * s0 + f1 * s3 + f2 * s6
+        target[to + l + U1] -= f0 * s1 + f1 * s4 + f2 * s7
+        target[to + l + U2] -= f0 * s2 + f1 * s5 + f2 * s8
+        f0, f1, f2 = f[l + U3], f[l + U4], f[l + U5]
+        target[to + l + U3] -= f0 * s0 + f1 * s3 + f2 * s6
+        target[to + l + U4] -= f0 * s1 + f1 * s4 + f2 * s7
+        target[to + l + U5] -= f0 * s2 + f1 * s5 + f2 * s8
+        f0, f1, f2 = f[l + U6], f[l + U7], f[l + U8]
+        target[to + l + U6] -= f0 * s0 + f1 * s3 + f2 * s6
+        target[to + l + U7] -= f0 * s1 + f1 * s4 + f2 * s7
+        target[to + l + U8] -= f0 * s2 + f1 * s5 + f2 * s8
 
 
-@inner
-def factors(X, s0, s1, s2, inverse, f):
-    """f = three columns of X times the inverse pivots, three rows each."""
+@merged
+def subtract_columns(f, source, so, target, to):
+    """target -= f source for a column of three; f nine rows."""
     for l in range(U1):
-        f[l] = inverse[l] * X[s0 + l]
-        f[l + U1] = inverse[l + U1] * X[s1 + l]
-        f[l + U2] = inverse[l + U2] * X[s2 + l]
+        s0, s1, s2 = source[so + l], source[so + l + U1], source[so + l + U2]
+        target[to + l] -= f[l] * s0 + f[l + U1] * s1 + f[l + U2] * s2
+        target[to + l + U1] -= f[l + U3] * s0 + f[l + U4] * s1 + f[l + U5] * s2
+        target[to + l + U2] -= f[l + U6] * s0 + f[l + U7] * s1 + f[l + U8] * s2
 
 
-@inner
-def lower_factors(X, k, i, n, inverse, f):
-    """As `factors`, of row i of a matrix that is not symmetric, the rows k, k + 1, k + 2 being eliminated already."""
-    x0, x1, x2 = at(i * n + k), at(i * n + k + 1), at(i * n + k + 2)
-    u1, u2, v2 = at(k * n + k + 1), at(k * n + k + 2), at((k + 1) * n + k + 2)
+@merged
+def factors(X, x, inverse, f):
+    """f = a block of pivot rows, transposed, times the inverse pivots: what a symmetric matrix has below the diagonal."""
     for l in range(U1):
-        f0 = inverse[l] * X[x0 + l]
-        f1 = inverse[l + U1] * (X[x1 + l] - f0 * X[u1 + l])
-        f[l], f[l + U1] = f0, f1
-        f[l + U2] = inverse[l + U2] * (X[x2 + l] - f0 * X[u2 + l] - f1 * X[v2 + l])
+        i0, i1, i2 = inverse[l], inverse[l + U1], inverse[l + U2]
+        f[l], f[l + U1], f[l + U2] = i0 * X[x + l], i1 * X[x + l + U3], i2 * X[x + l + U6]
+        f[l + U3], f[l + U4], f[l + U5] = i0 * X[x + l + U1], i1 * X[x + l + U4], i2 * X[x + l + U7]
+        f[l + U6], f[l + U7], f[l + U8] = i0 * X[x + l + U2], i1 * X[x + l + U5], i2 * X[x + l + U8]
 
 
 @inner
-def subtract_rhs(f, b, k, i):
-    """b_i -= f0 b_k + f1 b_k+1 + f2 b_k+2."""
-    o, s = at(i), at(k)
-    for l in range(U1):
-        b[o + l] -= f[l] * b[s + l] + f[l + U1] * b[s + l + U1] + f[l + U2] * b[s + l + U2]
+def lower_factors(X, x, pivots, d, inverse, f):
+    """As `factors`, of the block at x of a matrix that is not symmetric; the eliminated diagonal block stands at d."""
+    for i in range(3):
+        o, t = x + at(3 * i), at(3 * i)
+        for l in range(U1):
+            f0 = inverse[l] * X[o + l]
+            f1 = inverse[l + U1] * (X[o + l + U1] - f0 * pivots[d + l + U1])
+            f[t + l], f[t + l + U1] = f0, f1
+            f[t + l + U2] = inverse[l + U2] * (X[o + l + U2] - f0 * pivots[d + l + U2] - f1 * pivots[d + l + U5])
 
 
 @inner
-def condense_pack(count, n_interior, X, b, f, symmetric):
-    """As `condense.condense_pack`, three unknowns at a time. f: scratch (3). Returns the number of negative pivots."""
-    n = n_interior + 6
-    inverse = np.empty(3 * LANES)
+def condense_pack(count, n_interior, X, b, f, factor, symmetric):
+    """As `condense.condense_pack`, three unknowns at a time. f: scratch (9). The eliminated rows of X, then those of b, go
+    to `factor`, from where later rows are reduced. Returns the number of negative pivots."""
+    A = n_interior // 3 + 2
+    inverse, last = np.empty(3 * LANES), 3 * n_interior * A
     negative = 0
-    for k in range(0, n_interior, 3):
-        block = k // 3
+    for k in range(A - 2):
+        d = at(9 * k * (A + 1))
         for m in range(3):
-            pivot, io = at((k + m) * n + k + m), at(m)
+            pivot, io, bm = d + at(4 * m), at(m), at(3 * k + m)
             for lane in range(count):
                 if X[pivot + np.uint64(lane)] < 0.0:
                     negative += 1
             for l in range(U1):
                 inverse[io + l] = 1.0 / X[pivot + l]
             for i in range(m + 1, 3):
-                source = at((k + m) * n + k + i if symmetric else (k + i) * n + k + m)
+                source, bi = d + at(3 * m + i if symmetric else 3 * i + m), at(3 * k + i)
                 for l in range(U1):
                     f[l] = inverse[io + l] * X[source + l]
-                for c in range(block, n // 3):
-                    subtract_three(f, at(0), X, at((k + m) * n + 3 * c), X, at((k + i) * n + 3 * c))
-                o, source = at(k + i), at(k + m)
+                for c in range(k, A):
+                    x = 9 * (k * A + c)
+                    subtract_three(f, X, at(x + 3 * m), X, at(x + 3 * i))
                 for l in range(U1):
-                    b[o + l] -= f[l] * b[source + l]
-        for i in range(k + 3, n):
+                    b[bi + l] -= f[l] * b[bm + l]
+        for o in range(9 * k * (A + 1) * LANES, 9 * (k + 1) * A * LANES):
+            factor[o] = X[o]
+        for o in range(3 * LANES):
+            factor[last * LANES + 3 * k * LANES + o] = b[3 * k * LANES + o]
+        for i in range(k + 1, A):
             if symmetric:
-                factors(X, at(k * n + i), at((k + 1) * n + i), at((k + 2) * n + i), inverse, f)
+                factors(factor, at(9 * (k * A + i)), inverse, f)
             else:
-                lower_factors(X, k, i, n, inverse, f)
-            for c in range(i // 3 if symmetric else block + 1, n // 3):
-                subtract_three_rows(
-                    f, X, at(k * n + 3 * c), at((k + 1) * n + 3 * c), at((k + 2) * n + 3 * c), X, at(i * n + 3 * c)
-                )
-            subtract_rhs(f, b, k, i)
+                lower_factors(X, at(9 * (i * A + k)), factor, d, inverse, f)
+            for c in range(i if symmetric else k + 1, A):
+                subtract_block(f, factor, at(9 * (k * A + c)), X, at(9 * (i * A + c)))
+            subtract_columns(f, factor, at(last + 3 * k), b, at(3 * i))
     return negative
-
-
-@inner
-def keep_factor(n_interior, X, b, factor):
-    """Store what back substitution needs of a pack: the eliminated rows of X, then those of b."""
-    n = n_interior + 6
-    for k in range(n_interior * n * LANES):
-        factor[k] = X[k]
-    for k in range(n_interior * LANES):
-        factor[n_interior * n * LANES + k] = b[k]
 
 
 @inner
 def export_pack(count, first, n_interior, X, b, S, rhs, symmetric):
     """Copy the condensed matrices and right-hand sides of a pack to S (E, 6, 6) and rhs (E, 6)."""
-    n = n_interior + 6
+    A = n_interior // 3 + 2
     for i in range(6):
         for j in range(i if symmetric else 0, 6):
-            row = X[((n_interior + i) * n + n_interior + j) * LANES :]
+            row = X[entry(n_interior + i, n_interior + j, A) * LANES :]
             for lane in range(count):
                 S[first + lane, i, j] = row[lane]
                 if symmetric:
@@ -464,7 +475,7 @@ def assemble(
     node, S_, M = np.empty(4 * A * LANES), np.empty(6 * LANES), np.empty(KINEMATIC_ROWS * LANES)
     T, F, D, V = np.empty(3 * LANES), np.empty(5 * LANES), np.empty(3 * LANES), np.empty(COLUMN_ROWS * LANES)
     c, G, X = np.empty(2 * A * LANES), np.empty(3 * A * LANES), np.empty(n * n * LANES)
-    b, f, largest = np.empty(n * LANES), np.empty(3 * LANES), np.zeros(2 * LANES)
+    b, f, largest = np.empty(n * LANES), np.empty(9 * LANES), np.zeros(2 * LANES)
     negative = 0
     for k in range(conn.shape[0]):
         first = k * LANES
@@ -489,52 +500,69 @@ def assemble(
                 for a in range(A):
                     row = place_of(a, A)
                     if row <= column:
-                        x = row * n + column
-                        add_upper(N[i, a], slope, at(a), oe, c, at(2 * a), V, D, X, at(x), at(x + n), at(x + 2 * n))
+                        x = at(9 * (row * A + column))
+                        add_upper(N[i, a], slope, at(a), oe, c, at(2 * a), V, D, X, x)
                     if row >= column:  # also in a block on the diagonal
-                        add_turned(slope, at(a), V, X, at((column + 2) * n + row))
-                add_update_curvature(
-                    N[i, e], slope, oe, c, at(2 * e), M, memory, weight, X, at((column + 2) * n + column + 2)
-                )
+                        add_turned(slope, at(a), V, X, at(9 * (column * A + row)))
+                x = at(9 * column * (A + 1))
+                add_update_curvature(N[i, e], slope, oe, c, at(2 * e), M, memory, weight, X, x)
         if matrices.shape[0] > 0 or not symmetric:
-            mirror(n, X)
+            mirror(A, X)
         scatter_nodes(conn[k], count, G, g)
         if matrices.shape[0] > 0:
             for i in range(n):
                 for j in range(n):
                     for lane in range(count):
-                        matrices[first + lane, i, j] = X[(i * n + j) * LANES + lane]
+                        matrices[first + lane, i, j] = X[entry(i, j, A) * LANES + lane]
             continue
         if nodal.shape[0] > 0 or mu > 0.0:
             add_nodal(conn[k], first, count, owner, nodal, shift, mu, X)
         fill_rhs(conn[k], g, b)
-        negative += condense_pack(count, n_interior, X, b, f, symmetric)
-        keep_factor(n_interior, X, b, factor[k])
+        negative += condense_pack(count, n_interior, X, b, f, factor[k], symmetric)
         export_pack(count, first, n_interior, X, b, S, rhs, symmetric)
     force, moment = largest_of(largest)
     return force, moment, negative
+
+
+@inner
+def subtract_columns_of(F, x, u, uo, to):
+    """u[to] -= F u[uo] for a 3 x 3 block at x and columns of three."""
+    for l in range(U1):
+        u0, u1, u2 = u[uo + l], u[uo + l + U1], u[uo + l + U2]
+        u[to + l] -= F[x + l] * u0 + F[x + l + U1] * u1 + F[x + l + U2] * u2
+        u[to + l + U1] -= F[x + l + U3] * u0 + F[x + l + U4] * u1 + F[x + l + U5] * u2
+        u[to + l + U2] -= F[x + l + U6] * u0 + F[x + l + U7] * u1 + F[x + l + U8] * u2
+
+
+@inner
+def solve_upper(F, x, u, to):
+    """u[to] = the upper triangle of the 3 x 3 block at x, solved for u[to]."""
+    for l in range(U1):
+        u2 = u[to + l + U2] / F[x + l + U8]
+        u1 = (u[to + l + U1] - F[x + l + U5] * u2) / F[x + l + U4]
+        u[to + l + U2], u[to + l + U1] = u2, u1
+        u[to + l] = (u[to + l] - F[x + l + U1] * u1 - F[x + l + U2] * u2) / F[x + l]
 
 
 @kernel
 def back_substitute(conn, n_elements, factor, du):
     """Fill the interior rows of du (N, 3) from its vertex rows, with the rows kept by `assemble`."""
     A = conn.shape[1]
-    n, n_interior = 3 * A, 3 * A - 6
-    u, total = np.empty(n * LANES), np.empty(LANES)
+    n_interior = 3 * A - 6
+    last = 3 * n_interior * A
+    u = np.empty(3 * A * LANES)
     for k in range(conn.shape[0]):
         F = factor[k]
         for a in range(2):
             for lane in range(LANES):
                 for i in range(3):
                     u[(n_interior + 3 * a + i) * LANES + lane] = du[conn[k, a, lane], i]
-        for row in range(n_interior - 1, -1, -1):
-            copy_lanes(F, at(n_interior * n + row), total, at(0))
-            for c in range(row + 1, n):
-                o, source = at(c), at(row * n + c)
-                for l in range(U1):
-                    total[l] -= F[source + l] * u[o + l]
-            for l in range(LANES):
-                u[row * LANES + l] = total[l] / F[(row * n + row) * LANES + l]
+        for m in range(A - 3, -1, -1):
+            for o in range(3 * LANES):
+                u[3 * m * LANES + o] = F[(last + 3 * m) * LANES + o]
+            for c in range(m + 1, A):
+                subtract_columns_of(F, at(9 * (m * A + c)), u, at(3 * c), at(3 * m))
+            solve_upper(F, at(9 * m * (A + 1)), u, at(3 * m))
         for lane in range(min(LANES, n_elements - k * LANES)):
             for a in range(2, A):
                 for i in range(3):
