@@ -303,6 +303,7 @@ class Near:
         self.pairs = np.ascontiguousarray(pairs[near & apart].astype(np.int64))
         self.entries = self._strands(np.concatenate([self.pairs, self.pairs[:, ::-1]]))
         self.middle, self.radius, self.margin = middle, radius, margin
+        self._found = []  # what was found among fewer pairs says nothing of the others
 
     def _strands(self, pairs: np.ndarray) -> np.ndarray:
         """Entries (cell, pair of rods, first, last) of directed pairs of cells: neighbours in one strand."""
@@ -369,6 +370,7 @@ class Near:
         ends, after, rod_of = self.ends(state.r), self.ends(trial.r), self.cells.rod_of
         left = np.arange(len(rod_of)) + rod_of
         sag = 1.1 * np.linalg.norm(here[0] - 0.5 * (ends[left] + ends[left + 1]), axis=1)
-        least = self.find(state).gap
+        gap = self.find(state).gap
+        least = gap if np.isfinite(gap) else 0.0
         spare = SPARE * self.term.range
         return min(alpha, largest_step_between(self.pairs, ends, after, rod_of, self.cores, sag, least, CLOSING, spare))

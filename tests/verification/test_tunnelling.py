@@ -121,6 +121,13 @@ def test_throws(target, tmp_path, report):
 
 
 @pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("seed", [16, 30, 39])
+def test_first_step_may_be_long(seed, tmp_path):
+    """A rod that would be past the other one, and out of its sight, after its first step."""
+    assert throw("rod", seed, tmp_path, most=5).passes == 0
+
+
+@pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.slow
 def test_throws_end(target, tmp_path):
