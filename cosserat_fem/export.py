@@ -157,7 +157,7 @@ def write_parts(history: History, path: str | os.PathLike[str], parts: Sequence[
         X, faces = part.drawn_surface(extent)
         if not len(faces):
             continue
-        poses = [part.pose(float(t)) for t in history.t]
+        poses = [part.pose(float(t)) for t in history.stroke_t]
         points.append(np.array([X @ R.T + c for R, c in poses]))
         triangles.append(faces + n)
         index.append(np.full(len(faces), len(names), dtype=np.int32))

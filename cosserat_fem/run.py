@@ -221,13 +221,14 @@ def _solve(
 
     def callback(k: int, state: State) -> bool | None:
         nonlocal asked
-        asked = progress is not None and bool(progress(k + 1, len(scene.times)))
+        asked = progress is not None and bool(progress(k + 1, scene.stations))
         return asked
 
     table = scene.tables.solve
     history = solve_quasistatic(
-        scene.model, scene.times, past_limits=table.past_limits, callback=callback, accuracy=table.accuracy
-    )
+        scene.model, scene.times, past_limits=table.past_limits, callback=callback, accuracy=table.accuracy,
+        travel=table.travel, resolution=scene.resolution(),
+    )  # fmt: skip
     if asked:
         history.status, history.message = "stopped", f"asked to stop at t = {history.t[-1]:g} s"
     return history

@@ -112,6 +112,10 @@ def _until(value: Any) -> Any:
     return value if value == "critical" else parse(value, "time")
 
 
+def _resolution(value: Any) -> Any:
+    return value if value is None or value is False else parse(value, "angle")
+
+
 def _profile(value: Any) -> Any:
     if not isinstance(value, list) or len(value) != 2 or not all(isinstance(entries, list) for entries in value):
         raise ValueError("must be [[places], [factors]]")
@@ -431,6 +435,8 @@ class SolveTable(Table):
     times: list[quantity("time")] | None = None
     rotation: Literal["quaternion", "kardan"] = "quaternion"
     theory: Literal["cosserat", "kirchhoff", "string"] = "cosserat"
+    travel: Literal["out", "both"] = "out"
+    resolution: custom(_resolution, "false, or an angle") | None = None
     past_limits: Flag = False
     modes: Integer | None = None
     along: Literal["loads", "time"] = "loads"
