@@ -267,6 +267,17 @@ class History:
         hinge = _hinge("hinge_angle", self.part(part))
         return np.array([hinge.angle_at(t) for t in self.stroke_t])
 
+    def hinge_sense(self, part: Part | str) -> np.ndarray:
+        """In which sense (T,) a part's hinge turned to come to each state, 1 or -1; while it stands, as before; the first
+        state as the second; 0 if it never turns."""
+        sense = np.sign(np.diff(self.hinge_angle(part))).astype(int)
+        turning = np.flatnonzero(sense)
+        if not len(turning):
+            return np.zeros(len(self.records), dtype=int)
+        last = np.searchsorted(turning, np.arange(len(sense)), side="right") - 1
+        sense = sense[turning[np.maximum(last, 0)]]
+        return np.append(sense[0], sense)
+
     def pressed(self, name: str) -> list[Pressed]:
         """What one contact term does at each state, by its name."""
         term = _find("contact", name, {term.name: term for term in self.model.contacts})

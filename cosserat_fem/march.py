@@ -46,21 +46,24 @@ class Watch:
     value : function History -> (T,)
         What it is at each state, such as ``lambda history: bend_radius(history, "cable").min(axis=1)``. It is asked of
         histories of one state; values that are not finite are passed over.
-    peaks : "largest", "smallest" or "both"
+    peaks : "largest", "smallest", "both" or "none"
         Which of its extremes are located.
     least : float
         Changes are judged in parts of the largest absolute value so far, but of no less than this.
+    like : str
+        Numbers that have this in common, such as components of a vector, are judged by the largest of them all.
     """
 
     name: str
     value: Callable[[History], np.ndarray]
-    peaks: Literal["largest", "smallest", "both"] = "both"
+    peaks: Literal["largest", "smallest", "both", "none"] = "both"
     least: float = 0.0
+    like: str = ""
 
     def __post_init__(self) -> None:
-        if self.peaks not in ("largest", "smallest", "both"):
+        if self.peaks not in ("largest", "smallest", "both", "none"):
             raise ValueError(
-                f"watch {self.name!r}: peaks must be 'largest', 'smallest' or 'both' (got {self.peaks!r})."
+                f"watch {self.name!r}: peaks must be 'largest', 'smallest', 'both' or 'none' (got {self.peaks!r})."
             )
 
 
@@ -77,11 +80,11 @@ class Resolution:
     peak : float
         How exactly peaks are located, in parts of the distance of the states on both sides.
     watch : sequence of Watch
-        Numbers to resolve besides hinge torques, reactions and curvatures (see `watched`).
+        Numbers to resolve besides hinge torques, reactions, contact forces and curvatures (see `watched`).
     """
 
     turn: float = np.pi / 360.0
-    bend: float = 5e-3
+    bend: float = 2e-3
     peak: float = 2e-3
     watch: Sequence[Watch] = ()
 
@@ -95,7 +98,8 @@ class Resolution:
 
 
 def watched(model: Model) -> list[Watch]:
-    """What is watched in any model: torque of each hinge, force and moment of each support, curvature of each rod."""
+    """What is watched in any model: torque of each hinge, force and moment of each support, force of each contact with a
+    part, curvature of each rod."""
     force = SMALL * model.scales["bending"] / model.scales["length"] ** 2
     moment = force * model.scales["length"]
     found = [
@@ -107,13 +111,26 @@ def watched(model: Model) -> list[Watch]:
         for k, (what, least) in enumerate((("force", force), ("moment", moment))):
             value = partial(_size, support=support, which=slice(3 * k, 3 * k + 3))
             found.append(Watch(f"{what} of {support.name}", value, "largest", least))
+    for k, term in enumerate(model.contacts):
+        if hasattr(term, "part"):
+            name = f"force of {term.name}"
+            found.append(Watch(name, partial(_pressing, k=k), "largest", force, name))
+            for i in range(3):  # friction turns over while the size of the force hardly changes
+                found.append(Watch(name, partial(_pressing, k=k, component=i), "none", force, name))
     for rod in model.rods:
         found.append(Watch(f"curvature of {rod.name}", partial(_curvature, rod=rod), "largest", SMALL / rod.length))
     return found
 
 
 def _size(history: History, support: Any, which: slice) -> np.ndarray:
+    """Force [N] or moment [N m] (T,) of a support."""
     return np.linalg.norm(history.reaction(support)[:, which], axis=1)
+
+
+def _pressing(history: History, k: int, component: int | None = None) -> np.ndarray:
+    """Force (T,) [N] of rods on the part that one contact term speaks of, or one component of it."""
+    load = np.array([record.contact[k].load[:3] for record in history.records])
+    return np.linalg.norm(load, axis=1) if component is None else load[:, component]
 
 
 def _curvature(history: History, rod: Rod) -> np.ndarray:
@@ -180,7 +197,10 @@ class March:
         self.chain: list[Look] = []  # of the history's records, one each
         self.first = 0  # number of the state where this way began
         self.largest = np.array([watch.least for watch in self.watch])
+        likes = [watch.like for watch in self.watch]
+        self.alike = [[k for k, other in enumerate(likes) if other == like] for like in sorted({*likes} - {""})]
         self.peaks: set[float] = set()
+        self.mirrored: set[float] = set()  # stations of the way back that those of the way out ask for
         self.resolved: list[tuple[int, float, float]] = []  # what, from, to: a peak was located there
         self.known: dict[float, tuple[int, Record]] = {}  # states found ahead, each from the first so many of the march
         self.tried: dict[float, Record] = {}  # states found for a look
@@ -212,7 +232,8 @@ class March:
         return False
 
     def _turn_back(self) -> None:
-        """Extremes of the way back are its own."""
+        """Extremes of the way back are its own; it goes through the stations that the way out needed."""
+        self.mirrored = {2.0 * self.clock.turn - self.chain[k].t for k in self._needed()} - set(self.times.tolist())
         self.first, k = len(self.chain) - 1, len(self.watch)
         self.chain[-1] = replace(
             self.chain[-1], high=np.full(k, self.first), low=np.full(k, self.first), seek=np.zeros(k, dtype=int)
@@ -225,8 +246,10 @@ class March:
             self._append(*self._reach(goal))
             return
         n = max(1, ceil(self._moved(begin, goal) / self.resolution.turn * (1.0 - 1e-9)))
-        targets = [*np.linspace(begin, goal, n + 1)[1:-1].tolist(), goal]
         shortest = (goal - begin) / n * 0.5**HALVINGS
+        passed = {t for t in self.mirrored if begin < t < goal}
+        between = np.linspace(begin, goal, n + 1)[1:-1].tolist()
+        targets = sorted({t for t in between if all(abs(t - s) > shortest for s in passed)} | passed) + [goal]
         while targets:
             record, events = self._reach(targets[0])
             length = record.t - self.history.records[-1].t
@@ -305,6 +328,8 @@ class March:
             self.history.records.append(record)
             self.chain.append(Look(record.t, values, high, low, last.seek))
         self.largest = np.fmax(self.largest, np.abs(self.chain[-1].values))
+        for alike in self.alike:
+            self.largest[alike] = self.largest[alike].max()
 
     def _at(self, numbers: np.ndarray) -> np.ndarray:
         """Value of each thing watched at a state of its own."""
@@ -387,14 +412,14 @@ class March:
         del self.chain[n:], self.history.records[n:]
         self.history.critical = [event for event in self.history.critical if event.station < n - 1]
 
-    def _thin(self) -> None:
-        """Keep stations that were asked for, peaks, and what a straight line between their neighbours would miss."""
+    def _needed(self) -> list[int]:
+        """Numbers of states that were asked for, peaks, and those that a straight line between others would miss."""
         if self.resolution is None or len(self.chain) < 3:
-            return
+            return list(range(len(self.chain)))
         t = np.array([look.t for look in self.chain])
         with np.errstate(invalid="ignore"):
             values = np.array([look.values for look in self.chain]) / self.largest
-        asked = {*self.times.tolist(), *self.peaks, t[0], t[-1]}
+        asked = {*self.times.tolist(), *self.peaks, *self.mirrored, t[0], t[-1]}
         keep = [k for k in range(len(t)) if t[k] in asked]
         stack, kept = list(pairwise(keep)), set(keep)
         while stack:
@@ -408,7 +433,11 @@ class March:
                 k = a + 1 + int(np.argmax(off))
                 kept.add(k)
                 stack += [(a, k), (k, b)]
-        numbers = sorted(kept)
+        return sorted(kept)
+
+    def _thin(self) -> None:
+        """Leave only the states that are needed."""
+        numbers = self._needed()
         self.history.critical = [
             replace(event, station=int(np.searchsorted(numbers, event.station, side="right")) - 1)
             for event in self.history.critical

@@ -206,7 +206,7 @@ def test_clock():
         (lambda: Resolution(turn=0.0), "resolution: turn: must be greater than 0"),
         (lambda: Resolution(peak=2.0), "peak must be below 1"),
         (lambda: Resolution(watch=["torque"]), "watch must be a list of Watch"),
-        (lambda: Watch("x", len, "highest"), "peaks must be 'largest', 'smallest' or 'both'"),
+        (lambda: Watch("x", len, "highest"), "peaks must be 'largest', 'smallest', 'both' or 'none'"),
     ],
 )
 def test_wrong_arguments(make, message):

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..continuation import STEPS
+from ..drive import Drive
 from ..dynamics import check_dynamic
 from ..errors import SceneError
 from ..march import Resolution, Watch
@@ -41,7 +42,7 @@ class Scene:
 
     parts: all of them, also those that hold no rod and are not in the model.
     times (T,) [s]: stations of a quasi-static run, kept states of a run in time; the one time of a static run; first and
-    last time of a path. loads: those that a path multiplies.
+    last time of a path. loads: those that a path multiplies. drives: what turns hinges.
     """
 
     source: Source
@@ -51,6 +52,7 @@ class Scene:
     times: np.ndarray
     contact_of: Callable[[str], Path] = field(repr=False)
     loads: tuple[Term, ...] = ()
+    drives: tuple[Drive, ...] = ()
 
     @property
     def title(self) -> str:
@@ -70,9 +72,9 @@ class Scene:
 
     def resolution(self, watch: Sequence[Watch] = (), *, wanted: bool = False) -> Resolution | None:
         """How finely a quasi-static run looks between its stations: as `[solve] resolution` says, else half a degree for a
-        travel both ways or where it is wanted. watch: numbers to resolve besides."""
+        travel both ways, with a drive, or where it is wanted. watch: numbers to resolve besides."""
         given = self.tables.solve.resolution
-        if given is False or (given is None and not wanted and self.tables.solve.travel != "both"):
+        if given is False or (given is None and not wanted and not self.drives and self.tables.solve.travel != "both"):
             return None
         return Resolution(watch=watch) if given is None else Resolution(float(given), watch=watch)
 
@@ -155,7 +157,10 @@ def load_scene(path: str | os.PathLike[str] | None = None) -> Scene:
     times = _times(source, tables)
     _check_run(builder, model, times)
     loads = tuple(load for k, load in builder.loads.items() if not tables.load[k].constant)
-    return Scene(source, tables, model, tuple(builder.parts.values()), times, builder.contact_of, loads)
+    return Scene(
+        source, tables, model, tuple(builder.parts.values()), times, builder.contact_of, loads,
+        tuple(builder.drives.values()),
+    )  # fmt: skip
 
 
 def _times(source: Source, tables: SceneTables) -> np.ndarray:

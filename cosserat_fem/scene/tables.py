@@ -112,6 +112,17 @@ def _until(value: Any) -> Any:
     return value if value == "critical" else parse(value, "time")
 
 
+def _over_angle(value: Any) -> Any:
+    if not isinstance(value, list):
+        return parse(value, "moment")
+    if len(value) != 2 or not all(isinstance(entries, list) for entries in value):
+        raise ValueError("must be a moment or [[angles], [moments]]")
+    angles, moments = _numbers(value[0], "angle", 1), _numbers(value[1], "moment", 1)
+    if len(angles) != len(moments):
+        raise ValueError(f"has {len(angles)} angles but {len(moments)} moments")
+    return angles, moments
+
+
 def _resolution(value: Any) -> Any:
     return value if value is None or value is False else parse(value, "angle")
 
@@ -454,6 +465,24 @@ class SolveTable(Table):
     accuracy: quantity("number") | None = None
 
 
+class DriveLineTable(Table):
+    """One line of a torque budget."""
+
+    name: Name
+    torque: quantity("moment") | None = None
+    uncertainty: quantity("number") = 3.0
+
+
+class DriveTable(Table):
+    """What turns a hinge."""
+
+    part: Name
+    torque: custom(_over_angle, "moment, or [[angles], [moments]]")
+    uncertainty: quantity("number") = 3.0
+    motorisation: quantity("number") = 2.0
+    lines: list[DriveLineTable] = []
+
+
 class OutputTable(Table):
     """Where results go and how many."""
 
@@ -476,5 +505,6 @@ class SceneTables(Table):
     drag: list[DragTable] = []
     electrostatic: list[ElectrostaticTable] = []
     contact: list[Annotated[PartContactTable | RodContactTable, Field(discriminator="kind")]] = []
+    drive: list[DriveTable] = []
     solve: SolveTable
     output: OutputTable = OutputTable()
