@@ -179,6 +179,7 @@ def _finish(outcome: Any, tell: Callable[[str], None], *, pictures: bool, skip: 
     if outcome.history is not None:
         _tell_results(outcome.history, tell)
         _tell_drives(outcome.verdicts, tell)
+        _tell_checks(outcome.checks, outcome.verdict, tell)
     good = STOPPED if outcome.reason else VIOLATED if outcome.violated else OK
     if outcome.complete:
         tell(f"Results in {outcome.folder}")
@@ -272,6 +273,43 @@ def _tell_drives(verdicts: dict[str, dict[str, Any]], tell: Callable[[str], None
         )
 
 
+def _tell_checks(verdicts: Any, overall: str, tell: Callable[[str], None]) -> None:
+    """One line for each check and one for all of them, and drives."""
+    if not verdicts:
+        return
+    tell("Checks (margin: the part that is left of what is allowed)")
+    for verdict in verdicts:
+        least = "at least" if verdict.check.quantity.least else "at most"
+        at = [] if verdict.s is None else [f"s = {verdict.s:.4g} m"]
+        at += [f"t = {verdict.t:.6g} s"] if verdict.factor is None else [f"factor {verdict.factor:.6g}"]
+        at += [] if verdict.angle is None else [f"{verdict.angle:.3f} deg"]
+        limit = f"{least} {_with_unit(verdict.limit, verdict.unit)}{_by_rule(verdict)}"
+        value = _with_unit(verdict.value, verdict.unit)
+        tell(f"  {verdict.status:<8}{verdict.name}: {value}, {limit}; margin {verdict.margin:+.3f} at {', '.join(at)}")
+        if verdict.reason:
+            tell(f"          {verdict.reason}")
+    known = {status: sum(v.status == status for v in verdicts) for status in ("UNSAFE", "UNKNOWN")}
+    n = f"{len(verdicts)} check{'s' * (len(verdicts) != 1)}"
+    tell(f"Verdict: {overall} ({n}, {known['UNSAFE']} violated, {known['UNKNOWN']} unknown)")
+
+
+def _by_rule(verdict: Any) -> str:
+    """The rule that a limit comes from, and a word of caution if it was not read where it stands."""
+    from .rules import bend_rule
+
+    if verdict.check.limit.rule is None:
+        return ""
+    rule = bend_rule(verdict.check.limit.rule)
+    return f" by {rule.name}" + (" (at second hand: look it up in the standard)" if rule.status == "recalled" else "")
+
+
+def _with_unit(value: float, unit: str) -> str:
+    """A number as one reads it: lengths in mm."""
+    if unit == "m":
+        return f"{1000 * value:.4g} mm"
+    return f"{value:.4g}" if unit == "-" else f"{value:.4g} {unit}"
+
+
 def _station(history: Any, k: int) -> str:
     """Where a value was found: a time, or a factor of loads."""
     if len(history) == 1:
@@ -343,7 +381,8 @@ def check(scene: pathlib.Path) -> int:
     model = loaded.model
     say(
         f"{scene}: fine. {len(model.rods)} rod(s), {6 * model.space.n_nodes} unknowns, {loaded.stations} station(s), "
-        f"terms: {', '.join([model.internal.name, *(term.name for term in model.terms)])}."
+        + (f"{len(loaded.checks)} check(s), " if loaded.checks else "")
+        + f"terms: {', '.join([model.internal.name, *(term.name for term in model.terms)])}."
     )
     return OK
 
@@ -465,7 +504,7 @@ def render(
     step
         Number of the state to draw (negative counts from the end).
     field
-        Colour by a field of the history: force, moment, curvature, displacement, ...
+        Colour by a field of the history: force, moment, curvature, displacement, margin (of checks), ...
     film
         All states as a film (MP4 with the extra `movie`, else WebP).
     out
@@ -539,6 +578,21 @@ def bench(
         say_wrong("interrupted; what was measured is written.")
     say(report)
     return STOPPED if progress.interrupted else OK
+
+
+@app.command
+def rules() -> int:
+    """List the bend-radius rules that checks know by name, with clause, status and source."""
+    from .rules import bend_rules
+
+    for rule in bend_rules().values():
+        of = {"cable": "cable diameters", "wire": "diameters of the largest insulated wire"}[rule.diameter]
+        say(f"{rule.name}: {'no number' if rule.factor is None else f'{rule.factor:g} {of}, inside the bend'}")
+        say(f"    for {rule.applies}\n    clause: {rule.clause}; status: {rule.status}; source: {rule.source}")
+    say(
+        "data sheet: read in a publication of the body that makes the rule; recalled: quoted by others, check the standard."
+    )
+    return OK
 
 
 @app.command

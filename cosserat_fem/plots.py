@@ -1,4 +1,4 @@
-"""How do the curves look? Forces, moments and hinge torque from the CSV files of a run folder.
+"""How do the curves look? Forces, moments, hinge torque and margins from the files of a run folder.
 
 Rule: reads the run folder only, so that every plot can be made again later.
 """
@@ -28,7 +28,10 @@ def read_table(path: pathlib.Path, key: str) -> dict[str, dict[str, np.ndarray]]
 
 
 def plot_run(folder: pathlib.Path, out: pathlib.Path) -> list[pathlib.Path]:
-    """Write reactions and, where there are such, hinge_torque, drive, ledger and path as svg and png; return their paths."""
+    """Write reactions and, where there are such, hinge_torque, drive, ledger, path, margins and margin_map as svg and png.
+
+    Returns their paths.
+    """
     reactions = read_table(folder / "reactions.csv", "support")
     torque = read_table(folder / "hinge_torque.csv", "part")
     made = []
@@ -42,6 +45,11 @@ def plot_run(folder: pathlib.Path, out: pathlib.Path) -> list[pathlib.Path]:
         made += _save(_ledger(folder / "ledger.csv"), out / "ledger")
     if (folder / "path.csv").is_file():
         made += _save(_path(folder / "path.csv"), out / "path")
+    if (folder / "margins.npz").is_file():
+        kept = np.load(folder / "margins.npz")
+        made += _save(_margins(kept), out / "margins")
+        if any(f"map_{k}" in kept and len(kept["order"]) > 1 for k in range(len(kept["names"]))):
+            made += _save(_margin_map(kept), out / "margin_map")
     return made
 
 
@@ -190,6 +198,58 @@ def _ledger(path: pathlib.Path) -> Figure:
     ax.set_ylabel("energy, work [J]")
     ax.grid(alpha=0.3)
     ax.legend(fontsize=8)
+    return figure
+
+
+def _over(kept: Any, k: int) -> tuple[np.ndarray, str]:
+    """What a margin is drawn over: the angle of its hinge if that only grows or only falls, else time or station."""
+    angle = kept[f"angle_{k}"] if f"angle_{k}" in kept else np.empty(0)
+    if len(angle) > 1 and (np.all(np.diff(angle) > 0) or np.all(np.diff(angle) < 0)):
+        return angle, "hinge angle [deg]"
+    return (kept["t"], "time [s]") if np.all(np.diff(kept["t"]) > 0) else (kept["order"], "station along the path")
+
+
+def _margins(kept: Any) -> Figure:
+    """Margin of every check over the run; what is below 0 is not allowed."""
+    figure = Figure(figsize=(7.6, 4.4), layout="constrained")
+    ax = figure.subplots()
+    low = 0.0
+    for k, name in enumerate(kept["names"]):
+        x, label = _over(kept, k)
+        ax.plot(x, kept[f"margin_{k}"], color=f"C{k % 10}", ls=("-", "--", ":")[k // 10 % 3], label=name, **_marker(x))
+        low = min(low, np.nanmin(kept[f"margin_{k}"], initial=0.0))
+        ax.set_xlabel(label)
+    bottom = max(low, -1.0) - 0.1
+    ax.set_ylim(bottom, 1.05)
+    ax.axhspan(bottom, 0.0, color="#d1495b", alpha=0.12, lw=0)
+    ax.axhline(0, color="black", lw=0.8)
+    ax.set_ylabel("part left of what is allowed" + (", cut at -1" if low < -1 else ""))
+    ax.grid(alpha=0.3)
+    figure.legend(fontsize=8, loc="outside lower center", ncols=2)
+    return figure
+
+
+def _margin_map(kept: Any) -> Figure:
+    """Margin of each check along a rod, over arc length and the run; black line: the limit; cross: the worst place."""
+    shown = [k for k in range(len(kept["names"])) if f"map_{k}" in kept]
+    columns = min(2, len(shown))
+    rows = -(-len(shown) // columns)
+    figure = Figure(figsize=(5.2 * columns, 2.8 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for ax in axes[len(shown) :]:
+        ax.remove()
+    for ax, k in zip(axes, shown, strict=False):
+        (x, label), s, field = _over(kept, k), kept[f"s_{k}"], kept[f"map_{k}"]
+        mesh = ax.pcolormesh(x, s, field.T, cmap="RdBu", vmin=-1, vmax=1, shading="nearest", rasterized=True)
+        if np.nanmin(field) < 0 < np.nanmax(field):
+            ax.contour(x, s, np.nan_to_num(field.T, nan=1.0), levels=[0.0], colors="black", linewidths=0.8)
+        ax.set_facecolor("0.8")  # where it is not looked at
+        i, j = np.unravel_index(np.nanargmin(field), field.shape)
+        ax.plot(x[i], s[j], "kx", ms=7)
+        ax.set_title(f"{kept['names'][k]}: worst {field[i, j]:+.2f}", fontsize=9, loc="left")
+        ax.set_xlabel(label)
+        ax.set_ylabel("arc length [m]")
+    figure.colorbar(mesh, ax=axes[: len(shown)].tolist(), label="margin (red: not allowed)", extend="min", shrink=0.8)
     return figure
 
 

@@ -15,8 +15,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from importlib import metadata
@@ -41,17 +41,20 @@ from .export import (
     write_shapes,
     write_steps,
 )
-from .folder import DRIVEN, PROGRAM, RESULTS, TOUCHING, RunFolder
+from .folder import CHECKED, DRIVEN, PROGRAM, RESULTS, TOUCHING, RunFolder
 from .frames import CHECKPOINT, FRAMES, FrameFile, read_checkpoint, read_frames, with_terms, write_checkpoint
 from .history import History, Record
 from .integrator import AdaptiveStep, Checkpoint, FixedStep, Run
 from .kernels import CompileClock
+from .margins import margin_fields, write_checks, write_margins
+from .mechanism import Part
 from .model import Model
 from .scene import Scene, load_scene
 from .space import State
 from .statics import solve_quasistatic, solve_static
 from .summary import describe, describe_modes, describe_peaks, out_of_plane
 from .theories import Comparison, compare_theories
+from .verdicts import Verdict, assess, found_at, judged, overall, tell, warn_of_parts, watches
 from .vibration import Modes, modes
 
 PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "pyvista", "vtk", "h5py", "pyamg")
@@ -86,11 +89,19 @@ class Outcome:
     written: tuple[str, ...] = ()
     complete: bool = False  # every result of the history is on the disk
     verdicts: dict[str, dict[str, Any]] = field(default_factory=dict)  # on drives, by part
+    checks: tuple[Verdict, ...] = ()
+
+    @property
+    def verdict(self) -> str:
+        """On all checks and drives together: SAFE, UNSAFE or UNKNOWN."""
+        return overall(
+            [*(said["verdict"] for said in self.verdicts.values()), *(check.status for check in self.checks)]
+        )
 
     @property
     def violated(self) -> bool:
         """True if not everything that was to be judged is safe."""
-        return any(said["verdict"] != "SAFE" for said in self.verdicts.values())
+        return self.verdict != "SAFE"
 
 
 def run_scene(
@@ -174,7 +185,8 @@ def run_scene(
     if writer.complete and not reason:
         for name in (FRAMES, CHECKPOINT):
             (out.path / name).unlink(missing_ok=True)
-    return Outcome(out.path, history, reason, tuple(writer.written), writer.complete, writer.verdicts)
+    written = tuple(writer.written)
+    return Outcome(out.path, history, reason, written, writer.complete, writer.verdicts, tuple(writer.checks))
 
 
 def resume_scene(
@@ -234,7 +246,7 @@ def _solve(
     table = scene.tables.solve
     history = solve_quasistatic(
         scene.model, scene.times, past_limits=table.past_limits, callback=callback, accuracy=table.accuracy,
-        travel=table.travel, resolution=scene.resolution(),
+        travel=table.travel, resolution=scene.resolution(watches(scene.checks), wanted=bool(scene.checks)),
     )  # fmt: skip
     if asked:
         history.status, history.message = "stopped", f"asked to stop at t = {history.t[-1]:g} s"
@@ -383,16 +395,24 @@ class _Writer:
         self.complete = False
         self.modes: Modes | None = None
         self.verdicts: dict[str, dict[str, Any]] = {}
+        self.checks: list[Verdict] = []
 
     def text(self, name: str, text: str) -> None:
         replace_file(self.folder / name, lambda path: path.write_text(text, encoding="utf-8"))
 
     def results(self, history: History) -> str:
         """Write all results, or say why not."""
+        try:
+            with self.phases.measure("checks") if self.scene.checks else nullcontext():
+                self.checks = assess(history, self.scene.checks, self.scene.parts)
+        except KeyboardInterrupt:
+            return "interrupted while limits were checked"
+        except (MemoryError, CosseratError) as error:
+            return f"limits could not be checked: {_why(error)}"
         writers: tuple[Callable[..., None], ...] = (
             write_reactions,
             write_hinge_torque,
-            write_history,
+            self._history,
             partial(write_parts, parts=self.scene.parts),
         )
         named = dict(zip(RESULTS, writers, strict=True))
@@ -405,6 +425,9 @@ class _Writer:
             named |= dict(zip(DRIVEN[: 2 if self.scene.drives else 1], driven, strict=False))
         if history.path:
             named["path.csv"] = write_path
+        if self.scene.checks:
+            kept = (partial(write, verdicts=self.checks) for write in (write_checks, write_margins))
+            named |= dict(zip(CHECKED, kept, strict=True))
         for name, write in named.items():
             try:
                 write(history, self.folder / name)
@@ -416,6 +439,14 @@ class _Writer:
         reason = self._vibrations(history)
         self.complete = not reason
         return reason
+
+    def _history(self, history: History, path: pathlib.Path) -> None:
+        """The history for ParaView, with the margins of checks."""
+        if not self.checks:
+            write_history(history, path)
+            return
+        names = [verdict.name for verdict in self.checks]
+        write_history(history, path, margin_fields(history, self.checks), {"checks": names})
 
     def _vibrations(self, history: History) -> str:
         """Find and write the vibrations about the last state if the scene asks for them, or say why not."""
@@ -445,18 +476,26 @@ class _Writer:
         }
         if history is not None and len(history):
             data |= describe(history, self.scene.parts)
+            data |= tell(self.checks) if self.checks else {}
             with self.phases.measure("estimate"):
                 try:
-                    data["discretisation"] = add_errors(data, history, describe_peaks, self.scene.parts)
+                    told = partial(self._described, history)
+                    data["discretisation"] = add_errors(data, history, told, self.scene.parts)
                 except MemoryError as error:
                     data["discretisation"] = {"not_found": out_of_memory(error)}
             for drive in self.scene.drives:
                 self.verdicts[drive.part.name] = describe_drive(history, drive)
                 data["hinges"][drive.part.name]["drive"] = self.verdicts[drive.part.name]
+            if self.checks:
+                self.checks = judged(self.checks, history, data)
+                warn_of_parts(self.checks, history, data)
             if self.modes is not None:
                 data["vibrations"] = describe_modes(self.modes)
             if self.scene.tables.solve.out_of_plane and self.scene.model.plane is not None:
                 data["out_of_plane"] = out_of_plane(history)
+        if self.scene.checks and status in ("converged", "stopped"):
+            found = [check.status for check in self.checks] or ["UNKNOWN"]
+            data["verdict"] = overall([*found, *(said["verdict"] for said in self.verdicts.values())])
         data |= {
             "warnings": self.scene.model.warnings,
             "seconds": {"wall": self.phases.wall, "cpu": self.phases.cpu},
@@ -464,6 +503,11 @@ class _Writer:
             "platform": platform.platform(),
         }
         self.text("summary.json", json.dumps(data, indent=2) + "\n")
+
+    def _described(self, history: History, found: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
+        """What is reported of a better state of a history, checks too."""
+        more = found_at(self.checks, history, found, self.scene.parts) if self.checks else {}
+        return describe_peaks(found, parts) | more
 
 
 @dataclass(frozen=True)

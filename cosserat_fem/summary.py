@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from .checks import bend_radius, clearance, distance_from_drawing, worst
+from .checks import bend_radius, distance_from_drawing, worst
 from .drive import as_peaks, describe_torque
 from .export import hinged_parts
+from .gaps import clearance
 from .history import History
 from .mechanism import Hinge, Part
 from .stability import leaves_plane

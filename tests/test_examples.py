@@ -1,6 +1,7 @@
 """Every example runs as a user would run it, and ends in the right number."""
 
 import csv
+import json
 import pathlib
 import re
 import runpy
@@ -92,6 +93,18 @@ def test_hinge_with_bracket(tmp_path):
     with open(tmp_path / "out" / "contact_loads.csv", newline="") as file:
         lost = float(list(csv.DictReader(file))[-1]["friction_work"])
     assert loop == pytest.approx(lost, rel=0.05)
+
+
+def test_checked_door(tmp_path):
+    """Long-term bend radius and clearance are violated, exit code 3; by symmetry in the middle and alike on both sides."""
+    assert main(["run", str(EXAMPLES / "checked_door.toml"), "-o", str(tmp_path / "out"), "--no-pictures"]) == 3
+    said = json.loads((tmp_path / "out" / "summary.json").read_text())
+    unsafe = [name for name, check in said["checks"].items() if check["status"] != "SAFE"]
+    assert unsafe == ["long-term bend radius", "clearance of loom from frame", "clearance of loom from door"]
+    assert said["checks"]["least bend radius"]["worst"]["s"] == pytest.approx(0.125, abs=0.25 / 18)
+    near = [said["checks"][name]["worst"]["value"] for name in unsafe[1:]]
+    assert near[0] == pytest.approx(near[1], abs=1e-6)
+    assert said["verdict"] == "UNSAFE"
 
 
 def test_helix():

@@ -20,12 +20,14 @@ from ..continuation import STEPS
 from ..drive import Drive
 from ..dynamics import check_dynamic
 from ..errors import SceneError
+from ..limits import Check
 from ..march import Resolution, Watch
 from ..mechanism import Part
 from ..model import Model
 from ..refine import check_accuracy
 from ..terms import Term
 from .build import Builder
+from .limits import build_checks
 from .lines import Path
 from .load import CONTROL, Source, read, validate
 from .tables import SceneTables
@@ -42,7 +44,7 @@ class Scene:
 
     parts: all of them, also those that hold no rod and are not in the model.
     times (T,) [s]: stations of a quasi-static run, kept states of a run in time; the one time of a static run; first and
-    last time of a path. loads: those that a path multiplies. drives: what turns hinges.
+    last time of a path. loads: those that a path multiplies. drives: what turns hinges. checks: limits on what is found.
     """
 
     source: Source
@@ -53,6 +55,7 @@ class Scene:
     contact_of: Callable[[str], Path] = field(repr=False)
     loads: tuple[Term, ...] = ()
     drives: tuple[Drive, ...] = ()
+    checks: tuple[Check, ...] = ()
 
     @property
     def title(self) -> str:
@@ -76,7 +79,9 @@ class Scene:
         given = self.tables.solve.resolution
         if given is False or (given is None and not wanted and not self.drives and self.tables.solve.travel != "both"):
             return None
-        return Resolution(watch=watch) if given is None else Resolution(float(given), watch=watch)
+        idle = [part for part in self.parts if part not in self.model.parts]
+        turn = {} if given is None else {"turn": float(given)}
+        return Resolution(**turn, watch=watch, parts=idle)
 
     @property
     def inputs(self) -> list[pathlib.Path]:
@@ -155,12 +160,11 @@ def load_scene(path: str | os.PathLike[str] | None = None) -> Scene:
     builder = Builder(source, tables)
     model = builder.model()
     times = _times(source, tables)
+    checks = build_checks(builder, model)
     _check_run(builder, model, times)
     loads = tuple(load for k, load in builder.loads.items() if not tables.load[k].constant)
-    return Scene(
-        source, tables, model, tuple(builder.parts.values()), times, builder.contact_of, loads,
-        tuple(builder.drives.values()),
-    )  # fmt: skip
+    parts, drives = tuple(builder.parts.values()), tuple(builder.drives.values())
+    return Scene(source, tables, model, parts, times, builder.contact_of, loads, drives, tuple(checks))
 
 
 def _times(source: Source, tables: SceneTables) -> np.ndarray:

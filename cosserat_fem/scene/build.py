@@ -25,6 +25,7 @@ from ..support import Clamp, Pin, Support, Weld
 from ..terms import Damping, Drag, Electrostatic, Gravity, LineLoad, PartContact, PointLoad, RodContact, Term
 from ..terms.touch import MOST_CELLS
 from . import lines
+from .limits import build_limits
 from .load import Source, short, sorted_faults
 from .tables import (
     GeneralSection,
@@ -86,6 +87,7 @@ class Builder:
         self._each("contact", tables.contact, self._contact, {})
         self.drives: dict[int, Drive] = {}
         self._each("drive", tables.drive, self._drive, self.drives)
+        self.limits = build_limits(self)
         if tables.solve.rotation == "kardan" and tables.contact:
             reason = 'contact needs rotation = "quaternion".'
             self.faults.append(source.fault(("solve", "rotation"), reason))

@@ -182,6 +182,8 @@ def _real_path(source: Source, location: tuple[str | int, ...]) -> Path:
     tagged: set[Path] = set()
     for k, key in enumerate(location):
         table = source.value(path)
+        if path and not isinstance(table, dict | list):  # what may be written shorter
+            break
         if k < len(location) - 1 and isinstance(table, dict) and table.get("kind") == key and path not in tagged:
             tagged.add(path)  # a tag may also be the name of a key
             continue
