@@ -211,7 +211,7 @@ def test_run_says_what_is_violated(checked):
     torque = checks["hinge torque of arm"]
     assert torque["status"] == "UNSAFE"
     assert torque["worst"]["value"] == pytest.approx(0.35 * weight, rel=1e-3)
-    assert torque["worst"]["angle_deg"] == pytest.approx(0.0, abs=1e-6)
+    assert torque["worst"]["angle_deg"] == pytest.approx(0.0, abs=0.02)
     assert torque["worst"]["error"] < 1e-3 * weight
     assert torque["margin"]["value"] == pytest.approx(1 - 0.35 * weight / 0.1, rel=1e-3)
     near = checks["clearance of a from floor"]
@@ -232,10 +232,10 @@ def test_margins_are_kept(checked):
     for k, told in enumerate(said.values()):
         assert np.nanmin(kept[f"margin_{k}"]) == pytest.approx(told["margin"]["value"])
     k = list(said).index("clearance of a from floor")
-    assert kept[f"map_{k}"].shape == (7, len(kept[f"s_{k}"]))
+    assert kept[f"map_{k}"].shape == (len(kept["t"]), len(kept[f"s_{k}"]))
     with open(out / "checks.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 7 * len(said)
+    assert len(rows) == len(kept["t"]) * len(said)
     assert float(rows[0]["angle_deg"]) == pytest.approx(60.0)
     stored = read_history(out / "history.vtkhdf")
     margin, of = stored.fields.point_data["margin"], stored.fields.point_data["margin_of"]
