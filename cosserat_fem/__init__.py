@@ -11,6 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 _HOMES = {
     "Section": "section",
+    "Material": "buildup",
+    "Cable": "buildup",
+    "Strands": "buildup",
+    "Cables": "buildup",
+    "Tube": "buildup",
+    "Braid": "buildup",
+    "Tape": "buildup",
+    "build_up": "buildup",
+    "cable_named": "catalogue",
+    "catalogue_section": "catalogue",
+    "material": "catalogue",
     "Rod": "rod",
     "Part": "mechanism",
     "GROUND": "mechanism",
@@ -79,6 +90,8 @@ __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
     from .arclength import CriticalPoint
+    from .buildup import Braid, Cable, Cables, Material, Strands, Tape, Tube, build_up
+    from .catalogue import cable_named, catalogue_section, material
     from .checks import bend_radius, distance_from_drawing
     from .continuation import critical_load, trace_path
     from .curve import CurveGeometry, curve_geometry, rebuild_curve

@@ -176,10 +176,14 @@ def resume(
 
 def _finish(outcome: Any, tell: Callable[[str], None], *, pictures: bool, skip: bool) -> int:
     """Say what a run found and where it is; then the pictures. Exit code."""
-    if outcome.history is not None:
-        _tell_results(outcome.history, tell)
-        _tell_drives(outcome.verdicts, tell)
-        _tell_checks(outcome.checks, outcome.verdict, tell)
+    both = outcome.sticking is not None
+    for which, run in (("slipping", outcome), ("sticking", outcome.sticking)) if both else (("", outcome),):
+        if run is not None and run.history is not None:
+            if which:
+                tell(f"  with {which} strands:")
+            _tell_results(run.history, tell)
+            _tell_drives(run.verdicts, tell)
+            _tell_checks(run.checks, run.verdict, tell)
     good = STOPPED if outcome.reason else VIOLATED if outcome.violated else OK
     if outcome.complete:
         tell(f"Results in {outcome.folder}")
@@ -384,6 +388,26 @@ def check(scene: pathlib.Path) -> int:
         + (f"{len(loaded.checks)} check(s), " if loaded.checks else "")
         + f"terms: {', '.join([model.internal.name, *(term.name for term in model.terms)])}."
     )
+    return OK
+
+
+@app.command
+def cables(name: str | None = None) -> int:
+    """List wires and cables of the catalogue with size, mass and stiffness; of one, its layers and sources too.
+
+    Parameters
+    ----------
+    name
+        Name of a cable, or a part of the names of several.
+    """
+    from .catalogue import entries, listing
+    from .errors import nearest
+
+    found = listing(name)
+    if not found:
+        say_wrong(f"no cable {name!r} in the catalogue. {nearest(str(name), entries())}")
+        return WRONG
+    say(found)
     return OK
 
 

@@ -17,12 +17,13 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import contextmanager, nullcontext, suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from importlib import metadata
 from typing import Any
 
 from .accuracy import add_errors
+from .band import FOLDER, compare_ends
 from .continuation import STEPS, trace_path
 from .drive import describe_drive, turns_back, write_drives, write_joint_models
 from .dynamics import RigidVelocity, solve_dynamic
@@ -90,6 +91,7 @@ class Outcome:
     complete: bool = False  # every result of the history is on the disk
     verdicts: dict[str, dict[str, Any]] = field(default_factory=dict)  # on drives, by part
     checks: tuple[Verdict, ...] = ()
+    sticking: Outcome | None = None  # the run with sticking strands, if the scene asks for both; its reason is in ours
 
     @property
     def verdict(self) -> str:
@@ -100,8 +102,8 @@ class Outcome:
 
     @property
     def violated(self) -> bool:
-        """True if not everything that was to be judged is safe."""
-        return self.verdict != "SAFE"
+        """True if not everything that was to be judged is safe, at both ends of a band."""
+        return self.verdict != "SAFE" or (self.sticking is not None and self.sticking.violated)
 
 
 def run_scene(
@@ -115,6 +117,9 @@ def run_scene(
     resume: bool = False,
 ) -> Outcome:
     """Run a scene and write its results, without pictures (see `draw`). Ctrl-C stops it; what was found is written.
+
+    A scene with rods between slipping and sticking strands is run at both ends: slipping in the folder itself, sticking in
+    its folder `stick`; the summary has the peaks of both under "band".
 
     Parameters
     ----------
@@ -137,6 +142,72 @@ def run_scene(
     if not isinstance(out, RunFolder):
         with RunFolder(scene.folder if out is None else out, scene.inputs, force=force, resume=resume) as held:
             return run_scene(scene, held, progress=progress, announce=announce, phases=phases, resume=resume)
+    if not scene.banded:
+        return _run_once(scene, out, progress, announce, phases, resume)
+    return _run_both(scene, out, progress, announce, phases, resume)
+
+
+def _run_both(
+    scene: Scene,
+    out: RunFolder,
+    progress: Callable[[int, int], bool | None] | None,
+    announce: Callable[[str], None] | None,
+    phases: Phases | None,
+    resume: bool,
+) -> Outcome:
+    """Run with slipping, then with sticking strands; what was done before a `resume` is not done again."""
+    asked, n = False, scene.stations
+
+    def part(first: int) -> Callable[[int, int], bool | None]:
+        def told(done: int, total: int) -> bool | None:
+            nonlocal asked
+            asked = progress is not None and bool(progress(first + done, 2 * n))
+            return asked
+
+        return told
+
+    folder = RunFolder(out.path / FOLDER, scene.inputs)
+    if resume and not (out.path / CHECKPOINT).is_file():
+        slip = Outcome(out.path, None, complete=True)
+    else:
+        slip = _run_once(scene, out, part(0), announce, phases, resume)
+    if asked or slip.reason == "interrupted":
+        return slip
+    try:
+        folder.path.mkdir(exist_ok=True)
+    except OSError as error:
+        return replace(slip, reason=_both(slip.reason, f"sticking strands: {_why(error)}"))
+    resume &= (folder.path / CHECKPOINT).is_file()
+    stick = _run_once(scene.sticking(), folder, part(n), announce, None, resume)
+    reason = _both(slip.reason, f"with sticking strands: {stick.reason}") if stick.reason else slip.reason
+    try:
+        _add_band(out.path, scene.banded, reason)
+    except (OSError, ValueError) as error:
+        reason = _both(reason, f"band in summary.json could not be written: {_why(error)}")
+    return replace(slip, reason=reason, complete=slip.complete and stick.complete, sticking=stick)
+
+
+def _add_band(folder: pathlib.Path, rods: tuple[str, ...], reason: str) -> None:
+    """Peaks of both runs, and what stopped either, into the summary of the first."""
+    first, second = (json.loads((f / "summary.json").read_text(encoding="utf-8")) for f in (folder, folder / FOLDER))
+    first["band"] = {"of": list(rods), "folder_of_stick": FOLDER, **compare_ends(first, second)}
+    if reason:
+        first |= {"status": "stopped", "reason": reason}
+    elif first["status"] != "converged":  # of a run that was resumed since
+        first |= {"status": "converged", "reason": ""}
+    text = json.dumps(first, indent=2) + "\n"
+    replace_file(folder / "summary.json", lambda path: path.write_text(text, encoding="utf-8"))
+
+
+def _run_once(
+    scene: Scene,
+    out: RunFolder,
+    progress: Callable[[int, int], bool | None] | None,
+    announce: Callable[[str], None] | None,
+    phases: Phases | None,
+    resume: bool,
+) -> Outcome:
+    """Run a scene at one end of its stiffness into a folder that is held."""
     phases = phases or Phases()
     writer = _Writer(scene, out.path, phases)
     try:
@@ -204,9 +275,12 @@ def resume_scene(
         The folder is not one of a run, has no checkpoint, or its scene.toml was changed.
     """
     folder = pathlib.Path(folder)
+    if folder.name == FOLDER and (folder.parent / "scene.toml").is_file():
+        folder = folder.parent
     if not (folder / "scene.toml").is_file():
         raise SceneError(f"{folder}: is not the folder of a run (no scene.toml).")
-    read_checkpoint(folder / CHECKPOINT)
+    second = folder / FOLDER / CHECKPOINT
+    read_checkpoint(second if second.is_file() else folder / CHECKPOINT)
     scene = load_scene(folder / "scene.toml")
     return run_scene(scene, folder, progress=progress, announce=announce, phases=phases, resume=True)
 

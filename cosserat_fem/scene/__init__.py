@@ -45,6 +45,7 @@ class Scene:
     parts: all of them, also those that hold no rod and are not in the model.
     times (T,) [s]: stations of a quasi-static run, kept states of a run in time; the one time of a static run; first and
     last time of a path. loads: those that a path multiplies. drives: what turns hinges. checks: limits on what is found.
+    banded: rods whose stiffness is a band; the model is that of slipping strands, and `sticking` the scene at the other end.
     """
 
     source: Source
@@ -56,6 +57,7 @@ class Scene:
     loads: tuple[Term, ...] = ()
     drives: tuple[Drive, ...] = ()
     checks: tuple[Check, ...] = ()
+    banded: tuple[str, ...] = ()
 
     @property
     def title(self) -> str:
@@ -96,6 +98,13 @@ class Scene:
         for file in self.inputs[1:]:
             digest.update(file.read_bytes())
         return digest.hexdigest()
+
+    def sticking(self) -> Scene:
+        """This scene with sticking strands in all rods whose stiffness is a band."""
+        rods = [
+            rod.model_copy(update={"strands": "stick"}) if rod.name in self.banded else rod for rod in self.tables.rod
+        ]
+        return _scene(self.source, self.tables.model_copy(update={"rod": rods}))
 
     def placed(self, error: SceneError) -> SceneError:
         """What a run found wrong with the scene, faults of contact at their lines."""
@@ -156,7 +165,11 @@ def load_scene(path: str | os.PathLike[str] | None = None) -> Scene:
         All faults found, each with file and line.
     """
     source = read(pathlib.Path(path) if path is not None else shipped_scene())
-    tables = validate(source)
+    return _scene(source, validate(source))
+
+
+def _scene(source: Source, tables: SceneTables) -> Scene:
+    """The scene of these tables. SceneError with all faults."""
     builder = Builder(source, tables)
     model = builder.model()
     times = _times(source, tables)
@@ -164,7 +177,9 @@ def load_scene(path: str | os.PathLike[str] | None = None) -> Scene:
     _check_run(builder, model, times)
     loads = tuple(load for k, load in builder.loads.items() if not tables.load[k].constant)
     parts, drives = tuple(builder.parts.values()), tuple(builder.drives.values())
-    return Scene(source, tables, model, parts, times, builder.contact_of, loads, drives, tuple(checks))
+    return Scene(
+        source, tables, model, parts, times, builder.contact_of, loads, drives, tuple(checks), tuple(builder.banded)
+    )
 
 
 def _times(source: Source, tables: SceneTables) -> np.ndarray:

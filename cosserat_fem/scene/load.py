@@ -206,13 +206,15 @@ def _keys(path: Path) -> str:
 def _tags(error: dict[str, Any]) -> str:
     where = error["loc"]
     tags = {
-        "section": "'round', 'rectangle', 'general'",
+        "section": "'round', 'rectangle', 'general', 'built'",
+        "layers": "'strands', 'cables', 'tube', 'braid', 'tape'",
         "support": "'clamp', 'pin', 'weld'",
         "load": "'point', 'line'",
         "contact": "'part', 'rods'",
         "shape": "'plane', 'sphere', 'cylinder', 'capsule', 'box', 'torus'",
     }
-    return tags.get(str("shape" if "shape" in where else where[0]), "'hinge', 'slider', 'path'")
+    inner = next((key for key in ("shape", "layers") if key in where), where[0])
+    return tags.get(str(inner), "'hinge', 'slider', 'path'")
 
 
 def _known_keys(source: Source, path: Path) -> list[str]:

@@ -212,11 +212,85 @@ class GeneralSection(Table):
     outline: tuple[quantity("length"), quantity("length")] | None = None
 
 
+class StrandsTable(Table):
+    """Round wires, packed or in a ring around what is inside."""
+
+    kind: Literal["strands"]
+    count: Integer
+    diameter: quantity("length")
+    lay: quantity("length") | None = None
+    material: str | None = None
+    youngs_modulus: quantity("pressure") | None = None
+    shear_modulus: quantity("pressure") | None = None
+    density: quantity("density") | None = None
+
+
+class CablesTable(Table):
+    """Cables of the catalogue or of sections before this one, packed or in a ring around what is inside."""
+
+    kind: Literal["cables"]
+    count: Integer
+    cable: Name
+    lay: quantity("length") | None = None
+
+
+class TubeTable(Table):
+    """Insulation, jacket or filler."""
+
+    kind: Literal["tube"]
+    diameter: quantity("length") | None = None
+    thickness: quantity("length") | None = None
+    material: str | None = None
+    youngs_modulus: quantity("pressure") | None = None
+    shear_modulus: quantity("pressure") | None = None
+    density: quantity("density") | None = None
+
+
+class BraidTable(Table):
+    """A shield or sleeve of crossing wires."""
+
+    kind: Literal["braid"]
+    wires: Integer
+    diameter: quantity("length")
+    angle: quantity("angle")
+    material: str | None = None
+    youngs_modulus: quantity("pressure") | None = None
+    shear_modulus: quantity("pressure") | None = None
+    density: quantity("density") | None = None
+
+
+class TapeTable(Table):
+    """A wrap of tape."""
+
+    kind: Literal["tape"]
+    thickness: quantity("length")
+    overlap: quantity("number") = 0.0
+    material: str | None = None
+    youngs_modulus: quantity("pressure") | None = None
+    shear_modulus: quantity("pressure") | None = None
+    density: quantity("density") | None = None
+
+
+LayerTable = Annotated[StrandsTable | CablesTable | TubeTable | BraidTable | TapeTable, Field(discriminator="kind")]
+
+
+class BuiltSection(Table):
+    """A cable of layers: its bending and twist stiffness is a band from slipping to sticking strands."""
+
+    kind: Literal["built"]
+    name: Name
+    layers: Annotated[list[LayerTable], Field(min_length=1)]
+    diameter: quantity("length") | None = None
+    mass_per_length: quantity("mass per length") | None = None
+    bending_stiffness: tuple[quantity("bending stiffness"), quantity("bending stiffness")] | None = None
+
+
 class RodTable(Table):
     """A cable: a drawn curve (points or file) with a section."""
 
     name: Name
-    section: custom(_section, "name of a section, or a list of [s, name]")
+    section: custom(_section, "name of a section or of a cable of the catalogue, or a list of [s, name]")
+    strands: Literal["slip", "stick", "band"] | None = None
     points: list[tuple[quantity("length"), quantity("length"), quantity("length")]] | None = None
     file: str | None = None
     unit: Unit = 1.0
@@ -599,7 +673,9 @@ class SceneTables(Table):
     """A whole scene file."""
 
     title: str = ""
-    section: list[Annotated[RoundSection | RectangleSection | GeneralSection, Field(discriminator="kind")]]
+    section: list[
+        Annotated[RoundSection | RectangleSection | GeneralSection | BuiltSection, Field(discriminator="kind")]
+    ] = []
     rod: Annotated[list[RodTable], Field(min_length=1)]
     part: list[PartTable] = []
     support: list[Annotated[ClampTable | PinTable | WeldTable, Field(discriminator="kind")]] = []
