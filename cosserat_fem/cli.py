@@ -208,6 +208,9 @@ def _draw(folder: pathlib.Path, tell: Callable[[str], None], *, skip: bool) -> i
         say_wrong(f"no pictures: interrupted. All results are written; `cosserat-fem render {folder}` draws them.")
         return STOPPED
     tell(f"Pictures in {folder / 'pictures'}" if not problem else f"No pictures: {problem}")
+    from .report import write_report
+
+    tell(f"Report in {write_report(folder)}")
     return OK
 
 
@@ -553,6 +556,35 @@ def render(
             say(f"{'Film' if film else 'Picture'} in {path}")
     else:
         say(f"Pictures in {folder / 'pictures'}")
+    return OK
+
+
+@app.command
+def report(folder: pathlib.Path, *, film: Annotated[bool, Parameter(negative="")] = False) -> int:
+    """Write one HTML page of a run, to hand over: report.html in its folder.
+
+    Parameters
+    ----------
+    folder
+        Folder of a run.
+    film
+        With a film of all states; it is made if there is none yet.
+    """
+    from .errors import SceneError
+    from .report import write_report
+    from .run import draw
+
+    if film and not any((folder / "pictures" / f"film.{kind}").is_file() for kind in ("mp4", "webp")):
+        if not _is_run(folder):
+            return WRONG
+        made = draw(folder, "--film")
+        if made.problem:
+            say_wrong(f"no film: {made.problem}")
+    try:
+        say(f"Report in {write_report(folder, with_film=film)}")
+    except SceneError as error:
+        _tell_faults(error.faults)
+        return WRONG
     return OK
 
 

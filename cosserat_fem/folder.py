@@ -27,7 +27,9 @@ DRIVEN = ("joint_model.json", "drive.csv")  # of hinges that turn both ways or h
 IN_TIME = ("ledger.csv", "steps.csv", "frames.bin", "checkpoint.npz")  # of a run in time
 CHECKED = ("checks.csv", "margins.npz")  # of a scene with checks
 ALONG = ("path.csv", "modes.csv", "modes.vtkhdf")  # of a path; of vibrations
-FILES = ("scene.toml", *RESULTS, *TOUCHING, *DRIVEN, *IN_TIME, *CHECKED, *ALONG, "history.pvd", "summary.json")
+FILES = (
+    "scene.toml", *RESULTS, *TOUCHING, *DRIVEN, *IN_TIME, *CHECKED, *ALONG, "history.pvd", "report.html", "summary.json"
+)  # fmt: skip
 LOCK = ".running"
 # names that we give in each folder; pictures of one state are called after the field that colours them
 _NAMES = {

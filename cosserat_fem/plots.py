@@ -13,9 +13,12 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from .band import FOLDER as STICK
 from .export import replace_file
 
-COLOURS = ("#0b6e99", "#d1495b", "#edae49", "#00798c", "#7a5195", "#555555")
+Tables = dict[str, dict[str, np.ndarray]]  # by name, then by column
+# told apart by the colour-blind too. Source: Okabe and Ito, Color Universal Design (2008)
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 
 
 def read_table(path: pathlib.Path, key: str) -> dict[str, dict[str, np.ndarray]]:
@@ -32,25 +35,43 @@ def plot_run(folder: pathlib.Path, out: pathlib.Path) -> list[pathlib.Path]:
 
     Returns their paths.
     """
-    reactions = read_table(folder / "reactions.csv", "support")
-    torque = read_table(folder / "hinge_torque.csv", "part")
-    made = []
-    if reactions:
-        made += _save(_reactions(reactions, torque), out / "reactions")
+    return [path for name, figure in figures(folder).items() for path in _save(figure, out / name)]
+
+
+def figures(folder: pathlib.Path, *, single: bool = False) -> dict[str, Figure]:
+    """Figures of a run by name. single: one for the reactions of each support (reactions_0, ...), not one for all.
+
+    Of a run at both ends of its stiffness torque and size of reactions are drawn for both.
+    """
+    reactions, torque = _tables(folder)
+    stuck = folder / STICK
+    other = _tables(stuck) if (stuck / "hinge_torque.csv").is_file() else ({}, {})
+    made = {}
+    if reactions and not single:
+        made["reactions"] = _reactions(reactions, torque, *other)
     if torque:
-        made += _save(_torque(torque), out / "hinge_torque")
+        made["hinge_torque"] = _torque(torque, other[1])
     if (folder / "drive.csv").is_file():
-        made += _save(_drive(read_table(folder / "drive.csv", "part")), out / "drive")
+        made["drive"] = _drive(read_table(folder / "drive.csv", "part"))
+    if reactions and single:
+        made |= {
+            f"reactions_{k}": _reactions({name: table}, torque, *other)
+            for k, (name, table) in enumerate(reactions.items())
+        }
     if (folder / "ledger.csv").is_file():
-        made += _save(_ledger(folder / "ledger.csv"), out / "ledger")
+        made["ledger"] = _ledger(folder / "ledger.csv")
     if (folder / "path.csv").is_file():
-        made += _save(_path(folder / "path.csv"), out / "path")
+        made["path"] = _path(folder / "path.csv")
     if (folder / "margins.npz").is_file():
         kept = np.load(folder / "margins.npz")
-        made += _save(_margins(kept), out / "margins")
+        made["margins"] = _margins(kept)
         if any(f"map_{k}" in kept and len(kept["order"]) > 1 for k in range(len(kept["names"]))):
-            made += _save(_margin_map(kept), out / "margin_map")
+            made["margin_map"] = _margin_map(kept)
     return made
+
+
+def _tables(folder: pathlib.Path) -> tuple[Tables, Tables]:
+    return read_table(folder / "reactions.csv", "support"), read_table(folder / "hinge_torque.csv", "part")
 
 
 def _save(figure: Figure, stem: pathlib.Path) -> list[pathlib.Path]:
@@ -60,9 +81,7 @@ def _save(figure: Figure, stem: pathlib.Path) -> list[pathlib.Path]:
     return paths
 
 
-def _abscissa(
-    reactions: dict[str, dict[str, np.ndarray]], torque: dict[str, dict[str, np.ndarray]]
-) -> tuple[np.ndarray, str]:
+def _abscissa(reactions: Tables, torque: Tables) -> tuple[np.ndarray, str]:
     """The one hinge's angle if there is one hinge that turns, else time."""
     first = next(iter(reactions.values()))
     if "station" in first:
@@ -75,8 +94,10 @@ def _abscissa(
     return time, "time [s]"
 
 
-def _reactions(reactions: dict[str, dict[str, np.ndarray]], torque: dict[str, dict[str, np.ndarray]]) -> Figure:
+def _reactions(reactions: Tables, torque: Tables, other: Tables, other_torque: Tables) -> Figure:
     x, label = _abscissa(reactions, torque)
+    also = other and other.keys() >= reactions.keys()
+    x2 = _abscissa(other, other_torque)[0] if also else x
     figure = Figure(figsize=(9.6, 3.1 * len(reactions)), layout="constrained")
     axes = figure.subplots(len(reactions), 2, squeeze=False, sharex=True)
     for row, (name, table) in zip(axes, reactions.items(), strict=True):
@@ -85,6 +106,9 @@ def _reactions(reactions: dict[str, dict[str, np.ndarray]], torque: dict[str, di
             for part, c, colour in zip(parts, "xyz", COLOURS, strict=False):
                 ax.plot(x, part, color=colour, label=f"{symbol}{c}", **_marker(x))
             ax.plot(x, np.linalg.norm(parts, axis=0), color="black", lw=1, ls="--", label=f"|{symbol}|", **_marker(x))
+            if also:
+                size = np.linalg.norm([other[name][f"{symbol}{c}"] for c in "xyz"], axis=0)
+                ax.plot(x2, size, color="black", lw=1.2, ls=":", label=f"|{symbol}|, sticking", **_marker(x2))
             ax.set_ylabel(f"{'force' if symbol == 'F' else 'moment'} on the rod [{unit}]")
             ax.set_title(name, fontsize=10, loc="left")
             ax.grid(alpha=0.3)
@@ -94,7 +118,7 @@ def _reactions(reactions: dict[str, dict[str, np.ndarray]], torque: dict[str, di
     return figure
 
 
-def _torque(torque: dict[str, dict[str, np.ndarray]]) -> Figure:
+def _torque(torque: Tables, other: Tables) -> Figure:
     """Torque over the angle, out and back, and what lies between the two."""
     bands = {name: band for name, table in torque.items() if (band := _band(table)) is not None}
     figure = Figure(figsize=(6.4, 6.0 if bands else 4.0), layout="constrained")
@@ -105,6 +129,9 @@ def _torque(torque: dict[str, dict[str, np.ndarray]]) -> Figure:
             label = name if name not in bands else f"{name}, {'out' if style == '-' else 'back'}"
             angle, value = table["angle_deg"][rows], table["torque"][rows]
             axes[0].plot(angle, value, style, color=colour, label=label if k < 2 else None, **_marker(angle))
+        if name in other:
+            angle, value = other[name]["angle_deg"], other[name]["torque"]
+            axes[0].plot(angle, value, ":", color=colour, label=f"{name}, sticking strands", **_marker(angle))
         if name in bands:
             axes[1].plot(*bands[name], color=colour, label=name)
     for ax in axes:
@@ -138,7 +165,7 @@ def _band(table: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray] | None:
     return grid, there - back
 
 
-def _drive(table: dict[str, dict[str, np.ndarray]]) -> Figure:
+def _drive(table: Tables) -> Figure:
     """What drives must have and have, over the angle."""
     figure = Figure(figsize=(6.4, 3.4 * len(table)), layout="constrained")
     for ax, (name, drive) in zip(figure.subplots(len(table), 1, squeeze=False)[:, 0], table.items(), strict=True):
