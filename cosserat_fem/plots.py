@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from .band import FOLDER as STICK
 from .export import replace_file
 
+ROUND_OFF = 1e-12  # of a force (at 1 m) beside a moment, and the other way round
 Tables = dict[str, dict[str, np.ndarray]]  # by name, then by column
 # told apart by the colour-blind too. Source: Okabe and Ito, Color Universal Design (2008)
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
@@ -101,8 +102,11 @@ def _reactions(reactions: Tables, torque: Tables, other: Tables, other_torque: T
     figure = Figure(figsize=(9.6, 3.1 * len(reactions)), layout="constrained")
     axes = figure.subplots(len(reactions), 2, squeeze=False, sharex=True)
     for row, (name, table) in zip(axes, reactions.items(), strict=True):
+        largest = {symbol: max(np.abs(table[f"{symbol}{c}"]).max() for c in "xyz") for symbol in "FM"}
         for ax, symbol, unit in ((row[0], "F", "N"), (row[1], "M", "N m")):
             parts = [table[f"{symbol}{c}"] for c in "xyz"]
+            if largest[symbol] < ROUND_OFF * max(largest.values()):
+                ax.set(ylim=(-1, 1), yticks=[0])
             for part, c, colour in zip(parts, "xyz", COLOURS, strict=False):
                 ax.plot(x, part, color=colour, label=f"{symbol}{c}", **_marker(x))
             ax.plot(x, np.linalg.norm(parts, axis=0), color="black", lw=1, ls="--", label=f"|{symbol}|", **_marker(x))

@@ -105,7 +105,7 @@ def _head(folder: pathlib.Path, summary: dict[str, Any]) -> Iterator[str]:
                     key=lambda c: c["margin"]["value"], default=None)  # fmt: skip
         if least is not None:
             name = next(name for name, c in checks.items() if c is least)
-            said += f" Least margin: {name}, {100 * least['margin']['value']:+.1f} %.".replace("-", "−")
+            said += f" Least margin: {name}, {_percent(least['margin']['value'])}."
     else:
         kind, head = "none", "Run complete"
         said = "No limits were given, so nothing is judged. Limits go into the table [checks] of the scene."
@@ -121,7 +121,8 @@ def _value(entry: Any) -> float | None:
 
 def _results(summary: dict[str, Any]) -> Iterator[str]:
     """Largest and smallest values of the run, with place, time and estimated error."""
-    rows = [_row(name, entry, unit) for name, entry, unit in _peaks(summary) if _value(entry) is not None]
+    peaks = [(name, entry, unit) for name, entry, unit in _peaks(summary) if _value(entry) is not None]
+    rows = [_row(*peak) for peak in peaks if not (peak[0].startswith("Twist") and _is_noise(peak[1]))]
     if rows:
         yield "<h2>Results</h2>"
         head = ("quantity", "value", "unit", "estimated error", "where and when")
@@ -153,12 +154,22 @@ def _peaks(summary: dict[str, Any]) -> Iterator[tuple[str, Any, str]]:
             yield f"Clearance of {rod} from {part}, smallest", entry, "mm"
 
 
+def _is_noise(entry: Any) -> bool:
+    """Whether a value is not larger than its error."""
+    value, error = _value(entry), entry.get("error") if isinstance(entry, dict) else None
+    return value is not None and error is not None and abs(value) <= error
+
+
+def _percent(part: float) -> str:
+    return f"{100 * part:+.1f} %".replace("-", "−")
+
+
 def _row(name: str, entry: dict[str, Any], unit: str) -> tuple[Any, ...]:
     factor = {"mm": 1e3, "%": 1e2}.get(unit, 1.0)
     value, error = float(entry["value"]), entry.get("error")
     if unit == "mm" and value > STRAIGHT:
         return name, "straight", "", "", ""
-    noise = error is not None and abs(value) <= error
+    noise = _is_noise(entry)
     shown = number(0.0 if noise else factor * value)
     return name, shown, unit, number(factor * error, 2) if error is not None else "–", "" if noise else _place(entry)
 
@@ -188,7 +199,7 @@ def _checks(summary: dict[str, Any]) -> Iterator[str]:
             (
                 status, name, "–" if worst is None else number(factor * worst),
                 f"{'≥' if check.get('sense') == 'at least' else '≤'} {number(factor * check['limit'])}", unit,
-                "–" if margin is None else f"{100 * margin:+.1f} %".replace("-", "−"), _place(check.get("worst") or {}),
+                "–" if margin is None else _percent(margin), _place(check.get("worst") or {}),
             )
         )  # fmt: skip
     yield "<h2>Checks</h2>"
@@ -214,12 +225,16 @@ def _band(summary: dict[str, Any]) -> Iterator[str]:
     if not band:
         return
     rows = []
+    noise = {name for name, entry, _ in _peaks(summary) if _is_noise(entry)}
     for name, ends, unit in _peaks(band):
-        if isinstance(ends, dict):
+        if isinstance(ends, dict) and name not in noise:
             factor = {"mm": 1e3, "%": 1e2}.get(unit, 1.0)
             values = (ends["slip"], ends["stick"])
             shown = ["straight" if unit == "mm" and v > STRAIGHT else number(factor * float(v)) for v in values]
             rows.append((name, *shown, unit))
+    for name, check in band.get("checks", {}).items():
+        if "margin" in check:
+            rows.append((f"Margin of {name}", *(_percent(check["margin"][end]) for end in ("slip", "stick")), ""))
     yield "<h2>Slipping and sticking strands</h2>"
     yield (
         f"<p>The stiffness of {text(', '.join(band['of']))} is a band: its strands slide on each other or stick together. "

@@ -155,6 +155,7 @@ def test_checks_and_band(folder, tmp_path):
     summary["band"] = {
         "of": ["cable"],
         "hinges": {"panel": {"largest_torque": {"slip": 1.25, "stick": 12.5}}},
+        "checks": {"pull": {"margin": {"slip": 0.5, "stick": -0.25}}},
         "rods": {"cable": {"smallest_bend_radius": {"slip": 0.01, "stick": 1e9}}},
     }
     (judged / "summary.json").write_text(json.dumps(summary))
@@ -164,6 +165,7 @@ def test_checks_and_band(folder, tmp_path):
     assert '<td class="n">1.064</td><td class="n">≥ 24.00</td><td>mm</td><td class="n">−91.0 %</td>' in text
     assert '<td class="n">1.250</td><td class="n">12.50</td>' in text
     assert '<td class="n">10.00</td><td class="n">straight</td>' in text
+    assert '<td class="w">Margin of pull</td><td class="n">+50.0 %</td><td class="n">−25.0 %</td>' in text
 
 
 def test_numbers():
