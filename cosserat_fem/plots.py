@@ -216,7 +216,7 @@ def _ledger(path: pathlib.Path) -> Figure:
     with open(path, newline="", encoding="utf-8") as file:
         names = next(csv.reader(file))
         table = np.array([[float(x) for x in row] for row in csv.reader(file)])
-    figure = Figure(figsize=(7.2, 4.0), layout="constrained")
+    figure = Figure(figsize=(8.4, 4.0), layout="constrained")
     ax = figure.subplots()
     last = names.index("px")
     for k, name in enumerate(names[1:last], 1):
@@ -228,7 +228,7 @@ def _ledger(path: pathlib.Path) -> Figure:
     ax.set_xlabel("time [s]")
     ax.set_ylabel("energy, work [J]")
     ax.grid(alpha=0.3)
-    ax.legend(fontsize=8)
+    figure.legend(fontsize=8, loc="outside right upper")
     return figure
 
 

@@ -259,7 +259,7 @@ def _charts(folder: pathlib.Path, summary: dict[str, Any]) -> Iterator[str]:
         if name.startswith("reactions_"):
             support = supports[int(name.removeprefix("reactions_"))]
             caption = f"Force and moment of {support} on the rod, in space; dashed: their size."
-        yield chart(figure, name, caption, narrow=not name.startswith(("reactions_", "margin_map")))
+        yield chart(figure, name, caption, narrow=name in ("hinge_torque", "path", "margins"))
 
 
 def _pictures(folder: pathlib.Path, with_film: bool) -> Iterator[str]:
