@@ -16,6 +16,7 @@ from typing import Any
 from .band import FOLDER as STICK
 from .errors import SceneError
 from .export import replace_file
+from .findings import MARKS, band, checks, count, hinges, judgements, results
 from .page import Raw, chart, film, number, page, picture, table, text
 from .plots import figures
 
@@ -25,12 +26,11 @@ else:
     import tomli as tomllib
 
 NAME = "report.html"
-MARKS = {"SAFE": ("good", "✓"), "UNSAFE": ("bad", "✗"), "UNKNOWN": ("open", "?")}
-STRAIGHT = 1e4  # m; a bend radius above is none
 CAPTIONS = {
     "hinge_torque": "Torque that the drive must supply at each hinge to hold the cables, over the hinge's angle.",
     "ledger": "Energies and works over time.",
     "path": "Path of equilibria: factor of the loads over the largest displacement; unstable states are hollow.",
+    "drive": "Torque that each drive must have, with all factors, and has, in the sense of the motion.",
     "margins": "Margin of every check over the run: the part that is left of what is allowed. Below 0 is not allowed.",
     "margin_map": "Margins along the rods over the run: 0 is the limit (black line), red is not allowed, a cross marks the "
     "worst place; grey where nothing is checked.",
@@ -52,12 +52,12 @@ def write_report(folder: pathlib.Path, *, with_film: bool = False) -> pathlib.Pa
     summary, scene = _read(folder)
     body = [
         *_head(folder, summary),
-        *_results(summary),
-        *_checks(summary),
-        *_band(summary),
+        *results(summary),
+        *checks(summary),
+        *band(summary),
         *_charts(folder, summary),
         *_pictures(folder, with_film),
-        *_drives(summary),
+        *hinges(folder, summary),
         *_cables(summary, scene),
         *_surroundings(scene),
         *_trust(summary),
@@ -92,20 +92,15 @@ def _head(folder: pathlib.Path, summary: dict[str, Any]) -> Iterator[str]:
     when = time.strftime("%Y-%m-%d %H:%M", time.localtime((folder / "summary.json").stat().st_mtime))
     yield f"<h1>{text(summary['title'])}</h1>"
     yield f'<p class="soft">Report of a {summary["program"]} {summary["version"]} run that ended on {when}.</p>'
-    verdict, checks = summary.get("verdict"), summary.get("checks", {})
+    judged = judgements(summary)
+    statuses = {status for status, _ in judged.values()}
+    verdict = next((worse for worse in ("UNSAFE", "UNKNOWN", "SAFE") if worse in statuses), None)
     if summary["status"] != "converged":
-        kind, head = ("bad", "✗ UNSAFE") if verdict == "UNSAFE" else ("open", "Stopped early")
+        kind, head = ("bad", "✗ UNSAFE, and stopped early") if verdict == "UNSAFE" else ("open", "Stopped early")
         said = f"What was found until then is below. Reason: {summary['reason']}"
-    elif verdict in MARKS:
+    elif verdict is not None:
         kind, mark = MARKS[verdict]
-        head = f"{mark} {verdict}"
-        counts = {s: sum(c.get("status") == s for c in checks.values()) for s in MARKS}
-        said = f"{len(checks)} checks: {counts['SAFE']} safe, {counts['UNSAFE']} violated, {counts['UNKNOWN']} unknown."
-        least = min((c for c in checks.values() if _value(c.get("margin")) is not None),
-                    key=lambda c: c["margin"]["value"], default=None)  # fmt: skip
-        if least is not None:
-            name = next(name for name, c in checks.items() if c is least)
-            said += f" Least margin: {name}, {_percent(least['margin']['value'])}."
+        head, said = f"{mark} {verdict}", count(judged)
     else:
         kind, head = "none", "Run complete"
         said = "No limits were given, so nothing is judged. Limits go into the table [checks] of the scene."
@@ -113,135 +108,6 @@ def _head(folder: pathlib.Path, summary: dict[str, Any]) -> Iterator[str]:
     if summary.get("warnings"):
         items = "".join(f"<li>{text(warning)}</li>" for warning in summary["warnings"])
         yield f"<h3>Warnings</h3><ul>{items}</ul>"
-
-
-def _value(entry: Any) -> float | None:
-    return entry.get("value") if isinstance(entry, dict) else None
-
-
-def _results(summary: dict[str, Any]) -> Iterator[str]:
-    """Largest and smallest values of the run, with place, time and estimated error."""
-    peaks = [(name, entry, unit) for name, entry, unit in _peaks(summary) if _value(entry) is not None]
-    rows = [_row(*peak) for peak in peaks if not (peak[0].startswith("Twist") and _is_noise(peak[1]))]
-    if rows:
-        yield "<h2>Results</h2>"
-        head = ("quantity", "value", "unit", "estimated error", "where and when")
-        yield table(head, rows, numeric="wn.n")
-        yield (
-            '<p class="soft">Errors are those of the elements and time steps, not of the data. A value that is not larger '
-            "than its error is shown as 0.</p>"
-        )
-
-
-def _peaks(summary: dict[str, Any]) -> Iterator[tuple[str, Any, str]]:
-    """Name, entry of the summary and unit of each value worth a line; lengths are in m and shown in mm."""
-    for name, hinge in summary.get("hinges", {}).items():
-        yield f"Torque at hinge {name}, peak", hinge.get("largest_torque"), "N m"
-    for name, support in summary.get("reactions", {}).items():
-        yield f"Force at {name}, peak", support.get("largest_force"), "N"
-        yield f"Moment at {name}, peak", support.get("largest_moment"), "N m"
-    for name, rod in summary.get("rods", {}).items():
-        yield f"Bend radius of {name} (centreline), smallest", rod.get("smallest_bend_radius"), "mm"
-        yield f"Stretch of {name}, largest", rod.get("largest_strain", {}).get("stretch"), "%"
-        twist = rod.get("largest_strain", {}).get("twist [1/m]")
-        yield f"Twist of {name}, largest", twist, "rad/m"
-    for name, contact in summary.get("contacts", {}).items():
-        yield f"Contact {name}: force, peak", contact.get("largest_force"), "N"
-        yield f"Contact {name}: line force, peak", contact.get("largest_line_force"), "N/m"
-        yield f"Contact {name}: gap, smallest", contact.get("smallest_gap"), "mm"
-    for rod, parts in summary.get("clearances", {}).items():
-        for part, entry in parts.items():
-            yield f"Clearance of {rod} from {part}, smallest", entry, "mm"
-
-
-def _is_noise(entry: Any) -> bool:
-    """Whether a value is not larger than its error."""
-    value, error = _value(entry), entry.get("error") if isinstance(entry, dict) else None
-    return value is not None and error is not None and abs(value) <= error
-
-
-def _percent(part: float) -> str:
-    return f"{100 * part:+.1f} %".replace("-", "−")
-
-
-def _row(name: str, entry: dict[str, Any], unit: str) -> tuple[Any, ...]:
-    factor = {"mm": 1e3, "%": 1e2}.get(unit, 1.0)
-    value, error = float(entry["value"]), entry.get("error")
-    if unit == "mm" and value > STRAIGHT:
-        return name, "straight", "", "", ""
-    noise = _is_noise(entry)
-    shown = number(0.0 if noise else factor * value)
-    return name, shown, unit, number(factor * error, 2) if error is not None else "–", "" if noise else _place(entry)
-
-
-def _place(entry: dict[str, Any]) -> str:
-    said = []
-    if entry.get("s") is not None:
-        said.append(f"s = {number(1e3 * entry['s'])} mm")
-    if entry.get("angle_deg") is not None:
-        said.append(f"{number(float(entry['angle_deg']))}°")
-    if entry.get("t") is not None:
-        said.append(f"t = {number(float(entry['t']))} s")
-    return Raw(", ".join(said))
-
-
-def _checks(summary: dict[str, Any]) -> Iterator[str]:
-    checks = summary.get("checks", {})
-    if not checks:
-        return
-    rows = []
-    for name, check in checks.items():
-        kind, mark = MARKS.get(check.get("status", ""), ("open", "?"))
-        unit, factor = ("mm", 1e3) if check.get("unit") == "m" else (check.get("unit", ""), 1.0)
-        status = Raw(f'<span class="{kind}">{mark} {text(check.get("status", ""))}</span>')
-        worst, margin = _value(check.get("worst")), _value(check.get("margin"))
-        rows.append(
-            (
-                status, name, "–" if worst is None else number(factor * worst),
-                f"{'≥' if check.get('sense') == 'at least' else '≤'} {number(factor * check['limit'])}", unit,
-                "–" if margin is None else _percent(margin), _place(check.get("worst") or {}),
-            )
-        )  # fmt: skip
-    yield "<h2>Checks</h2>"
-    head = ("verdict", "check", "worst", "limit", "unit", "margin", "where and when")
-    yield table(head, rows, numeric=".wnn.n")
-    notes = []
-    for name, check in checks.items():
-        if check.get("reason"):
-            notes.append(f"{name}: {check['reason']}")
-        if check.get("rule"):
-            notes.append(f"{name}: rule {check['rule']}, {check.get('clause', '')} ({check.get('rule_status', '')})")
-    if notes:
-        yield f"<ul>{''.join(f'<li>{text(note)}</li>' for note in notes)}</ul>"
-    yield (
-        '<p class="soft">A margin is the part that is left of what is allowed; 0 is the limit. What cannot be answered is '
-        "unknown and counts as unsafe.</p>"
-    )
-
-
-def _band(summary: dict[str, Any]) -> Iterator[str]:
-    """Results at both ends of the stiffness."""
-    band = summary.get("band")
-    if not band:
-        return
-    rows = []
-    noise = {name for name, entry, _ in _peaks(summary) if _is_noise(entry)}
-    for name, ends, unit in _peaks(band):
-        if isinstance(ends, dict) and name not in noise:
-            factor = {"mm": 1e3, "%": 1e2}.get(unit, 1.0)
-            values = (ends["slip"], ends["stick"])
-            shown = ["straight" if unit == "mm" and v > STRAIGHT else number(factor * float(v)) for v in values]
-            rows.append((name, *shown, unit))
-    for name, check in band.get("checks", {}).items():
-        if "margin" in check:
-            rows.append((f"Margin of {name}", *(_percent(check["margin"][end]) for end in ("slip", "stick")), ""))
-    yield "<h2>Slipping and sticking strands</h2>"
-    yield (
-        f"<p>The stiffness of {text(', '.join(band['of']))} is a band: its strands slide on each other or stick together. "
-        "The run was made at both ends, and a real cable lies between. Values elsewhere on this page are those of slipping "
-        "strands unless they say otherwise.</p>"
-    )
-    yield table(("quantity", "slipping", "sticking", "unit"), rows, numeric="wnn")
 
 
 def _charts(folder: pathlib.Path, summary: dict[str, Any]) -> Iterator[str]:
@@ -259,7 +125,7 @@ def _charts(folder: pathlib.Path, summary: dict[str, Any]) -> Iterator[str]:
         if name.startswith("reactions_"):
             support = supports[int(name.removeprefix("reactions_"))]
             caption = f"Force and moment of {support} on the rod, in space; dashed: their size."
-        yield chart(figure, name, caption, narrow=name in ("hinge_torque", "path", "margins"))
+        yield chart(figure, name, caption, narrow=name in ("hinge_torque", "drive", "path", "margins"))
 
 
 def _pictures(folder: pathlib.Path, with_film: bool) -> Iterator[str]:
@@ -271,17 +137,6 @@ def _pictures(folder: pathlib.Path, with_film: bool) -> Iterator[str]:
     if shown:
         yield "<h2>Pictures</h2>"
         yield from shown
-
-
-def _drives(summary: dict[str, Any]) -> Iterator[str]:
-    """What else is known of each hinge."""
-    rows = []
-    for name, hinge in summary.get("hinges", {}).items():
-        known = {key: value for key, value in hinge.items() if key != "largest_torque"}
-        rows += [(name, key, value) for key, value in _flat(known)]
-    if rows:
-        yield "<h2>Hinges</h2>"
-        yield table(("hinge", "quantity (SI)", "value"), rows, numeric="..n")
 
 
 def _flat(entry: Any, name: str = "") -> Iterator[tuple[str, Any]]:

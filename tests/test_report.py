@@ -168,6 +168,41 @@ def test_checks_and_band(folder, tmp_path):
     assert '<td class="w">Margin of pull</td><td class="n">+50.0 %</td><td class="n">−25.0 %</td>' in text
 
 
+def test_both_ways_and_a_drive(folder, tmp_path):
+    """Torque out and back, band, work, the budget of a drive and the reduced model; a drive is judged like a check."""
+    driven = tmp_path / "driven"
+    shutil.copytree(folder, driven)
+    summary = json.loads((driven / "summary.json").read_text())
+    peak = {"value": 33.5, "angle_deg": 48.0, "t": 48.0, "error": 1e-5}
+    summary["hinges"]["panel"] |= {
+        "peaks": {way: {"largest": peak, "smallest": peak | {"value": -2.5}} for way in ("out", "back")},
+        "band": {"largest": {"value": 0.125, "angle_deg": 64.0}, "mean": 0.0625},
+        "work": {"out": 30.0, "back": -29.5, "cycle": 0.5, "friction": 0.4999},
+        "drive": {
+            "motorisation": 2.0, "factors": "some standard", "lines": {"cable": {"largest": 33.5, "uncertainty": 3.0}},
+            "verdict": "UNSAFE", "margin": {"value": -0.25, "angle_deg": 48.0, "t": 48.0, "way": "out"},
+            "required": 201.0, "available": 150.75,
+        },
+    }  # fmt: skip
+    (driven / "summary.json").write_text(json.dumps(summary))
+    linear = {"stiffness": 1.5, "preload": -0.5, "coulomb": 0.05, "residual": {"largest": 0.75}}
+    model = {"recommended": "table", "linear": linear, "table": {"angle": [0, 1], "residual": {"largest": 0.01}}}
+    (driven / "joint_model.json").write_text(json.dumps({"about": "", "joints": {"panel": model}}))
+    text = write_report(driven).read_text()
+    Outline(text)
+    assert "<strong>✗ UNSAFE</strong>" in text
+    assert "1 check: 0 safe, 1 violated, 0 unknown. Least margin: drive of panel, −25.0 %." in text
+    assert (
+        '<td class="n">201.0</td><td class="n">≤ 150.8</td><td>N m</td><td class="n">−25.0 %</td><td>way out, 48.00°'
+        in text
+    )
+    assert "needs at most 2 × (cable 33.50 N m × 3); factors: some standard" in text
+    assert '<td class="w">panel, back: smallest torque</td><td class="n">−2.500</td>' in text
+    assert '<td class="w">panel: work of a cycle</td><td class="n">0.5000</td><td>J</td>' in text
+    assert "stiffness 1.500 N m/rad, preload −0.5000 N m, coulomb 0.05000 N m" in text
+    assert '<td class="n">0.010</td><td>recommended</td>' in text
+
+
 def test_numbers():
     cases = {
         0.0: "0", 3: "3", 33.65802: "33.66", -0.00117458: "−0.001175", 1319.18: "1319", 99999.4: "99999",
