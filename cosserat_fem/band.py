@@ -28,5 +28,12 @@ def compare_ends(slip: dict[str, Any], stick: dict[str, Any]) -> dict[str, Any]:
     return out
 
 
+def verdicts(summary: dict[str, Any]) -> dict[str, str]:
+    """Status of each check and each drive of a summary."""
+    found = {name: check["status"] for name, check in summary.get("checks", {}).items()}
+    hinges = summary.get("hinges", {}).items()
+    return found | {f"drive of {name}": hinge["drive"]["verdict"] for name, hinge in hinges if "drive" in hinge}
+
+
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)

@@ -33,8 +33,9 @@ def judgements(summary: dict[str, Any]) -> dict[str, tuple[str, float | None]]:
 
 def count(judged: dict[str, tuple[str, float | None]]) -> str:
     """How many are safe, and what has the least margin."""
-    counts = {status: sum(found == status for found, _ in judged.values()) for status in MARKS}
-    said = f"{len(judged)} check{'s' if len(judged) > 1 else ''}: {counts['SAFE']} safe, {counts['UNSAFE']} violated, {counts['UNKNOWN']} unknown."
+    n = {status: sum(found == status for found, _ in judged.values()) for status in MARKS}
+    many = "checks" if len(judged) > 1 else "check"
+    said = f"{len(judged)} {many}: {n['SAFE']} safe, {n['UNSAFE']} violated, {n['UNKNOWN']} unknown."
     margins = {name: margin for name, (_, margin) in judged.items() if margin is not None}
     if margins:
         least = min(margins, key=lambda name: margins[name])

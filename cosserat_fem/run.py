@@ -23,7 +23,7 @@ from importlib import metadata
 from typing import Any
 
 from .accuracy import add_errors
-from .band import FOLDER, compare_ends
+from .band import FOLDER, compare_ends, verdicts
 from .continuation import STEPS, trace_path
 from .drive import describe_drive, turns_back, write_drives, write_joint_models
 from .dynamics import RigidVelocity, solve_dynamic
@@ -191,6 +191,8 @@ def _add_band(folder: pathlib.Path, rods: tuple[str, ...], reason: str) -> None:
     """Peaks of both runs, and what stopped either, into the summary of the first."""
     first, second = (json.loads((f / "summary.json").read_text(encoding="utf-8")) for f in (folder, folder / FOLDER))
     first["band"] = {"of": list(rods), "folder_of_stick": FOLDER, **compare_ends(first, second)}
+    if found := verdicts(second):
+        first["band"]["verdicts"] = {"stick": found}
     if reason:
         first |= {"status": "stopped", "reason": reason}
     elif first["status"] != "converged":  # of a run that was resumed since

@@ -39,6 +39,17 @@ def test_hinge(tmp_path, name):
     assert force == pytest.approx(1318.891, abs=0.03)
 
 
+def test_wire_over_hinge(tmp_path):
+    """A wire that hardly stretches asks for torque in proportion to its EI, so both ends of the band are told by one."""
+    run_scene("wire_over_hinge.toml", tmp_path)
+    band = json.loads((tmp_path / "out" / "summary.json").read_text())["band"]
+    torque, (slip, stick) = band["hinges"]["panel"]["largest_torque"], cf.cable_named("M22759/16-22").bending_stiffness
+    assert torque["stick"] / torque["slip"] == pytest.approx(stick / slip, rel=0.02)
+    assert torque["slip"] == pytest.approx(0.0232674, rel=1e-4)
+    radius = band["rods"]["wire"]["smallest_bend_radius"]
+    assert radius["stick"] == pytest.approx(radius["slip"], rel=0.02)
+
+
 def test_hanging_cable(tmp_path):
     """Half the weight on each wall; the pull between a chain of the same span and a stiff strip."""
     rows = run_scene("hanging_cable.toml", tmp_path)
