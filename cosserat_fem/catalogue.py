@@ -58,6 +58,12 @@ def entry(name: str) -> Entry:
     return found[name]
 
 
+def sources(name: str) -> dict[str, str]:
+    """What a cable of the catalogue is and where its numbers are from, with their status."""
+    found = entry(name)
+    return {"about": found.about, "source": found.source, "layers_source": found.layers_source}
+
+
 @cache
 def _data() -> dict[str, Any]:
     return tomllib.loads((resources.files("cosserat_fem") / "data" / "cables.toml").read_text(encoding="utf-8"))
@@ -108,8 +114,8 @@ def _wire(family: dict[str, Any], gauge: int, strand: int, diameter: float, mass
             },
             {"kind": "tube", "diameter_mm": diameter, "material": family["insulation"]},
         ],
-        "layers_status": family["status"],
-        "layers_source": "strands of their gauge (ASTM B258), laid straight; insulation on the circle around them",
+        "layers_status": "assumed",
+        "layers_source": "strands as in the sheet, diameters by ASTM B258; straight, insulation on the circle around them",
     }
 
 

@@ -177,6 +177,9 @@ def _cables(summary: dict[str, Any], scene: dict[str, Any]) -> Iterator[str]:
     if stiffness:
         columns = ("cable", "s [mm]", "diameter [mm]", "mass [g/m]", "EA [kN]", "EI [N m²]", "GJ [N m²]")
         yield table(columns, stiffness, numeric=".nnnnnn")
+    for name, known in summary.get("catalogue", {}).items():
+        said = f"{name}, {known['about']}: {known['source']}. Layers: {known['layers_source']}."
+        yield f'<p class="soft">{text(said)} Stiffness is derived from the layers unless it was measured.</p>'
 
 
 def _surroundings(scene: dict[str, Any]) -> Iterator[str]:

@@ -24,6 +24,7 @@ from typing import Any
 
 from .accuracy import add_errors
 from .band import FOLDER, compare_ends, verdicts
+from .catalogue import sources
 from .continuation import STEPS, trace_path
 from .drive import describe_drive, turns_back, write_drives, write_joint_models
 from .dynamics import RigidVelocity, solve_dynamic
@@ -572,6 +573,8 @@ class _Writer:
         if self.scene.checks and status in ("converged", "stopped"):
             found = [check.status for check in self.checks] or ["UNKNOWN"]
             data["verdict"] = overall([*found, *(said["verdict"] for said in self.verdicts.values())])
+        if self.scene.catalogue:
+            data["catalogue"] = {name: sources(name) for name in self.scene.catalogue}
         data |= {
             "warnings": self.scene.model.warnings,
             "seconds": {"wall": self.phases.wall, "cpu": self.phases.cpu},

@@ -46,6 +46,7 @@ class Scene:
     times (T,) [s]: stations of a quasi-static run, kept states of a run in time; the one time of a static run; first and
     last time of a path. loads: those that a path multiplies. drives: what turns hinges. checks: limits on what is found.
     banded: rods whose stiffness is a band; the model is that of slipping strands, and `sticking` the scene at the other end.
+    catalogue: cables of the catalogue that the scene names.
     """
 
     source: Source
@@ -58,6 +59,7 @@ class Scene:
     drives: tuple[Drive, ...] = ()
     checks: tuple[Check, ...] = ()
     banded: tuple[str, ...] = ()
+    catalogue: tuple[str, ...] = ()
 
     @property
     def title(self) -> str:
@@ -178,8 +180,9 @@ def _scene(source: Source, tables: SceneTables) -> Scene:
     loads = tuple(load for k, load in builder.loads.items() if not tables.load[k].constant)
     parts, drives = tuple(builder.parts.values()), tuple(builder.drives.values())
     return Scene(
-        source, tables, model, parts, times, builder.contact_of, loads, drives, tuple(checks), tuple(builder.banded)
-    )
+        source, tables, model, parts, times, builder.contact_of, loads, drives, tuple(checks),
+        tuple(builder.banded), tuple(builder.cables.used),
+    )  # fmt: skip
 
 
 def _times(source: Source, tables: SceneTables) -> np.ndarray:

@@ -32,6 +32,7 @@ class CableShop:
         self.source, self.faults = source, faults
         self.declared = [table.name for table in declared]  # sections of the scene
         self.own: dict[str, Cable] = {}
+        self.used: list[str] = []  # cables of the catalogue
         self._faulty: set[str] = set()
 
     def built(self, table: BuiltSection, path: lines.Path) -> Section | None:
@@ -63,6 +64,7 @@ class CableShop:
         if name in self.own:
             return self.own[name]
         if name not in self.declared and name in entries():
+            self.used += [name] if name not in self.used else []
             return cable_named(name)
         if name not in self.declared:
             self.faults.append(self.source.fault(path, self._unknown(name)))

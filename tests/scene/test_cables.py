@@ -70,6 +70,7 @@ def test_both_ends_of_a_scene(tmp_path):
     scene = cf.load_scene(write(tmp_path))
     stuck = scene.sticking()
     assert (scene.banded, stuck.banded) == (("a",), ())
+    assert scene.catalogue == ("M22759/33-22", "M22759/16-22")
     wire = cf.cable_named("M22759/33-22")
     layers = [
         cf.Cables(3, wire, lay=0.06),
@@ -173,6 +174,7 @@ def test_run_with_a_band(tmp_path, capsys):
     same = band["rods"]["b"]["smallest_bend_radius"]
     assert same["slip"] == pytest.approx(same["stick"])
     assert "band" not in stick
+    assert "(data sheet)" in summary["catalogue"]["M22759/16-22"]["source"]
     assert cf.load_scene(out / "stick" / "scene.toml").banded == ()
     file.write_text(SCENE.replace('section = "harness"', 'section = "harness"\nstrands = "slip"'))
     assert main(["run", str(file), "-o", str(out), "-q"]) == 0
