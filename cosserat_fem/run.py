@@ -194,6 +194,8 @@ def _add_band(folder: pathlib.Path, rods: tuple[str, ...], reason: str) -> None:
     first["band"] = {"of": list(rods), "folder_of_stick": FOLDER, **compare_ends(first, second)}
     if found := verdicts(second):
         first["band"]["verdicts"] = {"stick": found}
+    if "verdict" in first or "verdict" in second:
+        first["verdict"] = overall([x.get("verdict", "SAFE") for x in (first, second)])
     if reason:
         first |= {"status": "stopped", "reason": reason}
     elif first["status"] != "converged":  # of a run that was resumed since

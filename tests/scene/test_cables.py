@@ -182,6 +182,24 @@ def test_run_with_a_band(tmp_path, capsys):
     assert "band" not in json.loads((out / "summary.json").read_text())
 
 
+def test_checks_at_both_ends(tmp_path, capsys):
+    """A limit that only sticking strands violate: exit code 3, and the verdict of the whole says so."""
+    text = SCENE + '\n[checks]\nreaction_moment = { support = "a.start@ground", limit = "VALUE" }\n'
+    moments = {}
+    for limit, code in ((1.0, 0), (None, 3)):
+        value = limit if limit is not None else (moments["slip"] + moments["stick"]) / 2
+        out = tmp_path / f"out{code}"
+        assert main(["run", str(write(tmp_path, text.replace("VALUE", f"{value!r} N m"))), "-o", str(out)]) == code
+        summary = json.loads((out / "summary.json").read_text())
+        moments = summary["band"]["reactions"]["a.start@ground"]["largest_moment"]
+    assert moments["slip"] < value < moments["stick"]
+    [name] = summary["checks"]
+    assert summary["checks"][name]["status"] == "SAFE"
+    assert summary["band"]["verdicts"] == {"stick": {name: "UNSAFE"}}
+    assert summary["band"]["checks"][name]["margin"]["stick"] < 0 < summary["band"]["checks"][name]["margin"]["slip"]
+    assert summary["verdict"] == "UNSAFE"
+
+
 def test_resume_at_both_ends(tmp_path):
     """A run in time stopped while its strands stuck goes on there, from either folder, and has its band in the end."""
     dynamic = 'kind = "dynamic"\nduration = "20 ms"\ndt = "2 ms"\nstart = "drawn"'
