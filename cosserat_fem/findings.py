@@ -110,7 +110,7 @@ def _place(entry: dict[str, Any]) -> str:
         said.append(f"{number(float(entry['angle_deg']))}°")
     if entry.get("t") is not None:
         said.append(f"t = {number(float(entry['t']))} s")
-    return Raw(", ".join(said))
+    return Raw(", ".join(item.replace(" ", "\u00a0") for item in said))
 
 
 def checks(summary: dict[str, Any]) -> Iterator[str]:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LARGEST_PICTURE = 1100  # pixels across
+WIDTH = 9.6  # in
 TYPES = {".mp4": "video/mp4", ".webp": "image/webp"}
 
 
@@ -65,8 +66,11 @@ def table(head: Sequence[str], rows: Iterable[Sequence[Any]], *, caption: str = 
     return "\n".join([*lines, "</tbody></table></div>"])
 
 
-def chart(figure: Figure, name: str, caption: str, *, narrow: bool = False) -> str:
-    """A figure of matplotlib as inline SVG; its names get a prefix, because several stand on one page."""
+def chart(figure: Figure, name: str, caption: str) -> str:
+    """A figure of matplotlib as inline SVG; its names get a prefix, because several stand on one page.
+
+    All have one scale: a figure of `WIDTH` inches is as wide as the page.
+    """
     from matplotlib import rc_context
 
     buffer = io.StringIO()
@@ -76,12 +80,11 @@ def chart(figure: Figure, name: str, caption: str, *, narrow: bool = False) -> s
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.S)
     svg = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{name}-", svg)
-    svg = re.sub(
-        r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', rf'<svg \1 role="img" aria-label="{text(caption)}">', svg, count=1
-    )
+    part = min(figure.get_figwidth() / WIDTH, 1.0)
+    opening = rf'<svg \1 role="img" aria-label="{text(caption)}" style="--part: {part:.3f}">'
+    svg = re.sub(r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', opening, svg, count=1)
     svg = svg.replace("xlink:href", "href")
-    kind = ' class="narrow"' if narrow else ""
-    return f'<figure{kind}><div class="chart">{svg}</div><figcaption>{text(caption)}</figcaption></figure>'
+    return f'<figure><div class="chart">{svg}</div><figcaption>{text(caption)}</figcaption></figure>'
 
 
 def picture(path: pathlib.Path, caption: str) -> str:

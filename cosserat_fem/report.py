@@ -52,8 +52,8 @@ def write_report(folder: pathlib.Path, *, with_film: bool = False) -> pathlib.Pa
     summary, scene = _read(folder)
     body = [
         *_head(folder, summary),
-        *results(summary),
         *checks(summary),
+        *results(summary),
         *band(summary),
         *_charts(folder, summary),
         *_pictures(folder, with_film),
@@ -125,7 +125,7 @@ def _charts(folder: pathlib.Path, summary: dict[str, Any]) -> Iterator[str]:
         if name.startswith("reactions_"):
             support = supports[int(name.removeprefix("reactions_"))]
             caption = f"Force and moment of {support} on the rod, in space; dashed: their size."
-        yield chart(figure, name, caption, narrow=name in ("hinge_torque", "drive", "path", "margins"))
+        yield chart(figure, name, caption)
 
 
 def _pictures(folder: pathlib.Path, with_film: bool) -> Iterator[str]:
