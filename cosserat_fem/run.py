@@ -92,13 +92,18 @@ class Outcome:
     complete: bool = False  # every result of the history is on the disk
     verdicts: dict[str, dict[str, Any]] = field(default_factory=dict)  # on drives, by part
     checks: tuple[Verdict, ...] = ()
+    before: tuple[str, ...] = ()  # verdicts of a run that was complete when the one with sticking strands was resumed
     sticking: Outcome | None = None  # the run with sticking strands, if the scene asks for both; its reason is in ours
 
     @property
     def verdict(self) -> str:
         """On all checks and drives together: SAFE, UNSAFE or UNKNOWN."""
         return overall(
-            [*(said["verdict"] for said in self.verdicts.values()), *(check.status for check in self.checks)]
+            [
+                *(said["verdict"] for said in self.verdicts.values()),
+                *(check.status for check in self.checks),
+                *self.before,
+            ]
         )
 
     @property
@@ -169,7 +174,8 @@ def _run_both(
 
     folder = RunFolder(out.path / FOLDER, scene.inputs)
     if resume and not (out.path / CHECKPOINT).is_file():
-        slip = Outcome(out.path, None, complete=True)
+        found = verdicts(json.loads((out.path / "summary.json").read_text(encoding="utf-8")))
+        slip = Outcome(out.path, None, complete=True, before=tuple(found.values()))
     else:
         slip = _run_once(scene, out, part(0), announce, phases, resume)
     if asked or slip.reason == "interrupted":

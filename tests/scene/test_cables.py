@@ -204,6 +204,7 @@ def test_resume_at_both_ends(tmp_path):
     """A run in time stopped while its strands stuck goes on there, from either folder, and has its band in the end."""
     dynamic = 'kind = "dynamic"\nduration = "20 ms"\ndt = "2 ms"\nstart = "drawn"'
     text = SCENE.replace('kind = "static"', dynamic).replace("[output]", '[output]\nevery = "4 ms"')
+    text += '[checks]\nreaction_force = { support = "a.start@ground", limit = "1e-3 N" }\n'
     scene = cf.load_scene(write(tmp_path, text))
     from cosserat_fem.run import resume_scene
 
@@ -219,6 +220,7 @@ def test_resume_at_both_ends(tmp_path):
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["status"] == "stopped"
     outcome = resume_scene(tmp_path / "out" / "stick")
     assert outcome.complete and not outcome.reason
+    assert (outcome.checks, outcome.verdict) == ((), "UNSAFE")  # slipping strands were judged before
     whole = cf.run_scene(scene, tmp_path / "whole")
     assert whole.sticking.history.records[-1].state.r == pytest.approx(
         outcome.sticking.history.records[-1].state.r, abs=0
