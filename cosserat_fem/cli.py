@@ -309,6 +309,7 @@ def check(scene: pathlib.Path) -> int:
     say(
         f"{scene}: fine. {len(model.rods)} rod(s), {6 * model.space.n_nodes} unknowns, {loaded.stations} station(s), "
         f"terms: {', '.join([model.internal.name, *(term.name for term in model.terms)])}."
+        + (f" Sweep: {len(loaded.cases)} case(s)." if loaded.cases else "")
     )
     return OK
 
@@ -504,6 +505,69 @@ def bench(
         say_wrong("interrupted; what was measured is written.")
     say(report)
     return STOPPED if progress.interrupted else OK
+
+
+@app.command
+def sweep(
+    scene: pathlib.Path,
+    *,
+    out: Out = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    pictures: bool = True,
+    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
+) -> int:
+    """Run a scene many times with other values, as its [sweep] says; only cases that are not there yet are run.
+
+    Parameters
+    ----------
+    scene
+        Scene file (TOML) with a table [sweep].
+    out
+        Folder for the results; default is the sweep's own, or out/<name of the scene>_sweep.
+    workers
+        Run cases in so many processes (a local Dask cluster); default is this one.
+    scheduler
+        Address of a Dask scheduler to run them on.
+    pictures
+        Make plots when the results are safe.
+    quiet
+        Print nothing but faults.
+    """
+    from .bench import one_thread
+
+    one_thread()
+    from .errors import SceneError
+
+    if workers is not None and (workers < 1 or scheduler is not None):
+        wrong = (
+            "go with --workers, or with --scheduler, not both" if scheduler else f"must be at least 1 (got {workers})"
+        )
+        say_wrong(f"--workers: {wrong}.")
+        return WRONG
+    loaded = _load(scene)
+    if loaded is None:
+        return WRONG
+    from .sweep.command import run_sweep
+
+    tell = (lambda text="": None) if quiet else say
+    tell(loaded.title)
+    try:
+        with _Progress(len(loaded.cases), quiet, what="cases") as progress:
+            found = run_sweep(loaded, out, workers=workers, scheduler=scheduler, progress=progress)
+    except SceneError as error:
+        _tell_faults(error.faults)
+        return WRONG
+    tell(f"  {len(found.rows)} cases, {found.run} run now, {found.count('converged')} converged")
+    for note in found.notes:
+        tell(f"  {note}")
+    tell(f"Results in {found.folder}")
+    if pictures and not (found.same and (found.folder / "pictures").is_dir()):
+        from .sweep.plots import plot_sweep
+
+        plot_sweep(found.folder)
+        tell(f"Plots in {found.folder / 'pictures'}")
+    return STOPPED if found.count("lost") else OK
 
 
 @app.command

@@ -12,8 +12,8 @@ import json
 import os
 import pathlib
 import re
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 
 from .errors import SceneError
@@ -220,6 +220,17 @@ class RunFolder:
         if _holder(lock) == os.getpid():
             with suppress(OSError):
                 lock.unlink()
+
+
+@contextmanager
+def hold(path: pathlib.Path) -> Iterator[None]:
+    """Hold a folder as a run does, whatever is in it. SceneError if a living process has it."""
+    folder = RunFolder(path)
+    folder._hold()
+    try:
+        yield
+    finally:
+        folder._release()
 
 
 def _is_ours(folder: pathlib.Path) -> bool:

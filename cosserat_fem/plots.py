@@ -32,17 +32,18 @@ def plot_run(folder: pathlib.Path, out: pathlib.Path) -> list[pathlib.Path]:
     torque = read_table(folder / "hinge_torque.csv", "part")
     made = []
     if reactions:
-        made += _save(_reactions(reactions, torque), out / "reactions")
+        made += save(_reactions(reactions, torque), out / "reactions")
     if torque:
-        made += _save(_torque(torque), out / "hinge_torque")
+        made += save(_torque(torque), out / "hinge_torque")
     if (folder / "ledger.csv").is_file():
-        made += _save(_ledger(folder / "ledger.csv"), out / "ledger")
+        made += save(_ledger(folder / "ledger.csv"), out / "ledger")
     if (folder / "path.csv").is_file():
-        made += _save(_path(folder / "path.csv"), out / "path")
+        made += save(_path(folder / "path.csv"), out / "path")
     return made
 
 
-def _save(figure: Figure, stem: pathlib.Path) -> list[pathlib.Path]:
+def save(figure: Figure, stem: pathlib.Path) -> list[pathlib.Path]:
+    """Write a figure as svg and png; return their paths."""
     paths = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
     for path in paths:
         replace_file(path, lambda temporary: figure.savefig(temporary, dpi=150))

@@ -75,15 +75,35 @@ class Phases:
             self.cpu[name] = round(time.process_time() - cpu, 4)
 
 
+@dataclass(frozen=True)
+class Keep:
+    """What a run writes besides scene.toml and summary.json; a study of many runs keeps little.
+
+    results: names of the result files, default all. errors: estimate discretisation errors for the summary. clearances:
+    measure distances from parts for it.
+    """
+
+    results: tuple[str, ...] | None = None
+    errors: bool = True
+    clearances: bool = True
+
+
+ALL = Keep()
+
+
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a run left: its folder, history (None if nothing was found), the reason if it stopped early, files written."""
+    """What a run left: its folder, history (None if nothing was found), the reason if it stopped early, files written.
+
+    by_chance: the user or the machine ended it (Ctrl-C, memory, disk), so that the same scene may go further again.
+    """
 
     folder: pathlib.Path
     history: History | None
     reason: str = ""
     written: tuple[str, ...] = ()
     complete: bool = False  # every result of the history is on the disk
+    by_chance: bool = False
 
 
 def run_scene(
@@ -95,6 +115,7 @@ def run_scene(
     announce: Callable[[str], None] | None = None,
     phases: Phases | None = None,
     resume: bool = False,
+    keep: Keep = ALL,
 ) -> Outcome:
     """Run a scene and write its results, without pictures (see `draw`). Ctrl-C stops it; what was found is written.
 
@@ -110,6 +131,7 @@ def run_scene(
         Told when kernels are compiled for the first time on this machine.
     resume : bool
         Go on with the run in time whose checkpoint is in the folder; see `resume_scene`.
+    keep : what to write; default all
 
     Raises
     ------
@@ -118,9 +140,9 @@ def run_scene(
     """
     if not isinstance(out, RunFolder):
         with RunFolder(scene.folder if out is None else out, scene.inputs, force=force, resume=resume) as held:
-            return run_scene(scene, held, progress=progress, announce=announce, phases=phases, resume=resume)
+            return run_scene(scene, held, progress=progress, announce=announce, phases=phases, resume=resume, keep=keep)
     phases = phases or Phases()
-    writer = _Writer(scene, out.path, phases)
+    writer = _Writer(scene, out.path, phases, keep)
     try:
         if not resume:
             writer.text("scene.toml", scene.resolved())
@@ -133,7 +155,7 @@ def run_scene(
             announce("Compiling the kernels, once for this machine and version: about a minute.")
 
     clock = CompileClock(first)
-    reason, history = "", None
+    reason, history, by_chance = "", None, False
     try:
         with clock, phases.measure("solve"):
             history = _solve(scene, progress, out.path, resume)
@@ -141,12 +163,13 @@ def run_scene(
     except ConvergenceError as error:
         reason, history = str(error), error.history
     except KeyboardInterrupt:
-        reason = "interrupted"
+        reason, by_chance = "interrupted", True
     except MemoryError as error:
-        reason = out_of_memory(error)
+        reason, by_chance = out_of_memory(error), True
     except _FramesError as error:
-        reason, history = str(error), error.history
+        reason, history, by_chance = str(error), error.history, True
     except OSError as error:  # the only other files of a solution are those of the compiler
+        by_chance = True
         reason = f"compiled kernels could not be kept: {_why(error)}. Set NUMBA_CACHE_DIR to a folder with space"
     except SceneError as error:
         error = scene.placed(error)
@@ -158,16 +181,17 @@ def run_scene(
         history = None
     if history is not None:
         with phases.measure("write"):
-            reason = _both(reason, writer.results(history))
+            unwritten = writer.results(history)
+        reason, by_chance = _both(reason, unwritten), by_chance or bool(unwritten)
     message = history.message if history is not None else ""
     try:
         writer.summary("stopped" if reason else "converged", reason or message, history)
     except (OSError, MemoryError) as error:
-        reason = _both(reason, f"summary.json could not be written: {_why(error)}")
+        reason, by_chance = _both(reason, f"summary.json could not be written: {_why(error)}"), True
     if writer.complete and not reason:
         for name in (FRAMES, CHECKPOINT):
             (out.path / name).unlink(missing_ok=True)
-    return Outcome(out.path, history, reason, tuple(writer.written), writer.complete)
+    return Outcome(out.path, history, reason, tuple(writer.written), writer.complete, by_chance)
 
 
 def resume_scene(
@@ -369,8 +393,8 @@ def rebuild(folder: pathlib.Path) -> History:
 class _Writer:
     """Results of one run into its folder."""
 
-    def __init__(self, scene: Scene, folder: pathlib.Path, phases: Phases) -> None:
-        self.scene, self.folder, self.phases = scene, folder, phases
+    def __init__(self, scene: Scene, folder: pathlib.Path, phases: Phases, keep: Keep = ALL) -> None:
+        self.scene, self.folder, self.phases, self.keep = scene, folder, phases, keep
         self.written: list[str] = []
         self.complete = False
         self.modes: Modes | None = None
@@ -394,6 +418,8 @@ class _Writer:
         if history.path:
             named["path.csv"] = write_path
         for name, write in named.items():
+            if self.keep.results is not None and name not in self.keep.results:
+                continue
             try:
                 write(history, self.folder / name)
             except KeyboardInterrupt:
@@ -432,12 +458,14 @@ class _Writer:
             "reason": reason,
         }
         if history is not None and len(history):
-            data |= describe(history, self.scene.parts)
-            with self.phases.measure("estimate"):
-                try:
-                    data["discretisation"] = add_errors(data, history, describe, self.scene.parts)
-                except MemoryError as error:
-                    data["discretisation"] = {"not_found": out_of_memory(error)}
+            parts = self.scene.parts if self.keep.clearances else ()
+            data |= describe(history, parts)
+            if self.keep.errors:
+                with self.phases.measure("estimate"):
+                    try:
+                        data["discretisation"] = add_errors(data, history, describe, parts)
+                    except MemoryError as error:
+                        data["discretisation"] = {"not_found": out_of_memory(error)}
             if self.modes is not None:
                 data["vibrations"] = describe_modes(self.modes)
             if self.scene.tables.solve.out_of_plane and self.scene.model.plane is not None:

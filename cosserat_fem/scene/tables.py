@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, WithJsonSchema
 
-from .units import KINDS, parse
+from .units import KINDS, measured, parse
 
 
 def quantity(kind: str) -> Any:
@@ -456,6 +456,36 @@ class OutputTable(Table):
     pictures: Flag = True
 
 
+def _end(value: Any) -> Any:
+    measured(value)
+    return value
+
+
+End = custom(_end, "a number, or a string with a unit")
+
+
+class VaryTable(Table):
+    """One value of the scene that differs from case to case."""
+
+    path: Name
+    values: Annotated[list[Any], Field(min_length=1)] | None = None
+    range: tuple[End, End] | None = None
+    points: Integer | None = None
+    normal: tuple[End, End] | None = None
+
+
+class SweepTable(Table):
+    """Many runs of this scene with other values."""
+
+    kind: Literal["grid", "list", "latin_hypercube"] = "grid"
+    vary: Annotated[list[VaryTable], Field(min_length=1)]
+    cases: Integer | None = None
+    seed: Integer | None = None
+    report: Annotated[list[Name], Field(min_length=1)] | None = None
+    errors: Flag = False
+    folder: str | None = None
+
+
 class SceneTables(Table):
     """A whole scene file."""
 
@@ -472,3 +502,4 @@ class SceneTables(Table):
     contact: list[Annotated[PartContactTable | RodContactTable, Field(discriminator="kind")]] = []
     solve: SolveTable
     output: OutputTable = OutputTable()
+    sweep: SweepTable | None = None

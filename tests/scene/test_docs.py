@@ -40,6 +40,8 @@ CHAPTERS = {
     "Start velocity": tables.VelocityTable,
     "Solve": tables.SolveTable,
     "Output": tables.OutputTable,
+    "Sweep": tables.SweepTable,
+    "Varied values": tables.VaryTable,
 }
 
 
