@@ -56,6 +56,17 @@ def describe(history: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
     }
 
 
+def flat(data: Any, path: str = "") -> dict[str, Any]:
+    """Values of a summary by dotted path, the names of results; entries of lists by number, what is None not at all."""
+    if isinstance(data, dict | list):
+        entries = data.items() if isinstance(data, dict) else enumerate(data)
+        found: dict[str, Any] = {}
+        for key, inner in entries:
+            found |= flat(inner, f"{path}.{key}" if path else str(key))
+        return found
+    return {} if data is None else {path: data}
+
+
 def _describe_path(history: History) -> dict[str, Any]:
     """Extent of a path and its critical points; `after_station` counts from 0."""
     return {

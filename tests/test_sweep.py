@@ -6,6 +6,8 @@ import os
 import pathlib
 import shutil
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -14,8 +16,10 @@ import pytest
 
 import cosserat_fem as cf
 from cosserat_fem.cli import main
+from cosserat_fem.scene import shipped_scene
 from cosserat_fem.sweep.command import run_sweep
-from cosserat_fem.sweep.rows import Row, flat
+from cosserat_fem.sweep.rows import Row
+from cosserat_fem.summary import flat
 from cosserat_fem.sweep.statistics import correlations, envelopes
 
 SCENE = """
@@ -139,8 +143,29 @@ def test_a_killed_worker_loses_nothing(swept, tmp_path):
     assert not list((tmp_path / "out" / "cases").glob(".*"))
 
 
+def test_a_scheduler_that_is_there_runs_cases(swept, tmp_path, monkeypatch, capsys):
+    """Rows from a cluster of somebody else's equal those of one process; an address where nobody answers is told."""
+    distributed = pytest.importorskip("distributed", reason="workers need the extra `cluster`")
+    file, out = swept
+    options = {
+        "n_workers": 1,
+        "threads_per_worker": 1,
+        "processes": False,
+        "protocol": "tcp",
+        "dashboard_address": None,
+    }
+    with distributed.LocalCluster(host="127.0.0.1", silence_logs=50, **options) as cluster:
+        address = cluster.scheduler_address
+        assert main(["sweep", str(file), "-o", str(tmp_path / "out"), "--scheduler", address, "--no-pictures"]) == 0
+    assert "6 cases, 6 run now, 3 converged" in capsys.readouterr().out
+    assert (tmp_path / "out" / "results.csv").read_text() == (out / "results.csv").read_text()
+    monkeypatch.setattr("cosserat_fem.sweep.cluster.CONNECT", 0.2)
+    assert main(["sweep", str(file), "-o", str(tmp_path / "other"), "--scheduler", address]) == 2
+    assert f"scheduler '{address}': cannot be reached" in capsys.readouterr().err
+
+
 def test_workers_without_the_extra_are_refused(swept, tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(__import__("sys").modules, "distributed", None)
+    monkeypatch.setitem(sys.modules, "distributed", None)
     assert main(["sweep", str(swept[0]), "-o", str(tmp_path / "out"), "--workers", "2"]) == 2
     assert "pip install 'cosserat_fem[cluster]'" in capsys.readouterr().err
 
@@ -164,7 +189,7 @@ def test_a_scene_without_a_sweep_and_a_foreign_folder_are_refused(swept, tmp_pat
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "notes.txt").write_text("mine")
     assert main(["sweep", str(swept[0]), "-o", str(tmp_path / "full")]) == 2
-    assert "holds 'notes.txt' and is not a sweep" in capsys.readouterr().err
+    assert "holds 'notes.txt' and is not that of an earlier such study" in capsys.readouterr().err
     assert main(["check", str(swept[0])]) == 0
     assert "Sweep: 6 case(s)." in capsys.readouterr().out
 
@@ -238,3 +263,67 @@ def test_result_folder_cannot_be_written(swept, tmp_path, capsys):
     assert main(["sweep", str(swept[0]), "-o", str(tmp_path / "file")]) == 2
     assert "is a file" in capsys.readouterr().err
     assert pathlib.Path(tmp_path / "file").read_text() == ""
+
+
+def cpu_ticks(session):
+    """CPU ticks of each living process of a session."""
+    found = {}
+    for entry in pathlib.Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                stat = (entry / "stat").read_text().rsplit(")", 1)[1].split()
+            except OSError:
+                continue
+            if int(stat[3]) == session:
+                found[int(entry.name)] = int(stat[11]) + int(stat[12])
+    return found
+
+
+def watched(arguments, kill_at=None):
+    """CPU seconds of all processes of a sweep; the process of a case is killed when so many cases are there."""
+    command = [sys.executable, "-m", "cosserat_fem", "sweep", *map(str, arguments), "--no-pictures"]
+    sweep = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, start_new_session=True
+    )
+    cases, seen = arguments[2] / "cases", {}
+    while sweep.poll() is None:
+        seen |= cpu_ticks(sweep.pid)
+        if kill_at is not None and len(list(cases.glob("[0-9a-f]*"))) >= kill_at:
+            for place in list(cases.glob(".*-*-*"))[:1]:
+                os.kill(int(place.name.split("-")[1]), signal.SIGKILL)
+                kill_at = None
+        time.sleep(0.02)
+    assert kill_at is None
+    said = sweep.stdout.read()
+    sweep.stdout.close()
+    return sum(seen.values()) / os.sysconf("SC_CLK_TCK"), said
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not pathlib.Path("/proc/self/stat").exists(), reason="CPU time of all processes is read from /proc")
+def test_two_workers_cost_little_more_than_one_process(tmp_path):
+    """200 cases of the satellite hinge: at most 1.3 times the CPU time, a worker killed on the way, none lost."""
+    pytest.importorskip("distributed", reason="workers need the extra `cluster`")
+    text = shipped_scene().read_text()
+    for mesh in ("hinge_fixed.stl", "hinge_moving.stl"):
+        text = text.replace(mesh, str(shipped_scene().parent / mesh))
+    text += """
+[sweep]
+kind = "latin_hypercube"
+cases = 200
+seed = 3
+report = ["hinges.panel.largest_torque.value", "rods.cable.smallest_bend_radius.value"]
+vary = [
+    { path = "rod.cable.length", range = ["195 mm", "210 mm"] },
+    { path = "section.cable.youngs_modulus", normal = ["527 MPa", "30 MPa"] },
+    { path = "part.panel.motion.point.0", normal = [0, "1 mm"] },
+]
+"""
+    file = scene_in(tmp_path, text)
+    one, said = watched([file, "-o", tmp_path / "one"])
+    assert "200 cases, 200 run now, 200 converged" in said
+    two, said = watched([file, "-o", tmp_path / "two", "--workers", "2"], kill_at=100)
+    assert "200 cases, 200 run now, 200 converged" in said
+    assert (tmp_path / "two" / "results.csv").read_text() == (tmp_path / "one" / "results.csv").read_text()
+    assert two <= 1.3 * one
+    assert "200 cases, 0 run now" in watched([file, "-o", tmp_path / "two", "--workers", "2"])[1]

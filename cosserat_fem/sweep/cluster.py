@@ -8,10 +8,12 @@ thread, and no library in it starts more. A local cluster listens on 127.0.0.1 o
 from __future__ import annotations
 
 import logging
+import multiprocessing
 import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import metadata
+from multiprocessing import forkserver
 from typing import Any
 
 from ..errors import SceneError, one_line
@@ -20,11 +22,13 @@ from .case import Job, run_case
 
 TRIES = 3  # rounds of a case; in each the scheduler tries a few workers
 CONNECT, APPEAR = 15, 60  # s to reach a scheduler; s until a worker is there
+METHOD = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
 QUIET = {  # of a local cluster: no limits that stop long compiled solves, nothing that costs and is not looked at
     "distributed.scheduler.worker-ttl": None,
     "distributed.scheduler.work-stealing": False,
     "distributed.scheduler.active-memory-manager.start": False,
     "distributed.worker.profile.enabled": False,
+    "distributed.worker.multiprocessing-method": METHOD,
     "distributed.admin.tick.interval": "1 s",
     "distributed.admin.system-monitor.interval": "10 s",
     "distributed.admin.system-monitor.gil.enabled": False,
@@ -34,6 +38,9 @@ QUIET = {  # of a local cluster: no limits that stop long compiled solves, nothi
 def run_on_workers(jobs: Sequence[Job], n_workers: int) -> Iterator[tuple[Job, str]]:
     """Run jobs on a local cluster of so many processes; each job as it ends, with what kept it from its folder if any."""
     dask, distributed = _libraries()
+    if METHOD == "forkserver":  # imports once what every worker needs, those that replace dead ones too
+        forkserver.set_forkserver_preload(["distributed", run_case.__module__])
+        forkserver.ensure_running()
     with (
         dask.config.set(QUIET),
         distributed.LocalCluster(

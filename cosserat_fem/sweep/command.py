@@ -14,7 +14,7 @@ from typing import Any
 
 from ..errors import SceneError
 from ..export import replace_file
-from ..folder import PROGRAM, hold
+from ..folder import PROGRAM, check_study, hold
 from ..scene import Scene
 from ..scene.edit import said
 from .case import Job, clear_unfinished, key_of, run_case
@@ -22,7 +22,7 @@ from .cluster import run_on_scheduler, run_on_workers
 from .rows import ABOUT, DONE, LOST, RESULTS, Row, is_done, read_row, reported, write_results
 from .statistics import correlations, envelopes, write_correlations, write_envelopes
 
-OURS = ("cases", "pictures", ABOUT, RESULTS, "correlations.csv", "torque_envelope.csv", ".running")
+OURS = ("cases", "pictures", RESULTS, "correlations.csv", "torque_envelope.csv")
 
 
 @dataclass(frozen=True)
@@ -72,34 +72,13 @@ def run_sweep(
     if sweep is None:
         raise SceneError(f"{source.path}: has no [sweep] that says what to vary.")
     folder = (out or pathlib.Path(sweep.folder or pathlib.Path("out") / f"{source.path.stem}_sweep")).resolve()
-    _check(folder)
+    check_study(folder, ABOUT, OURS)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with hold(folder):
             return _in_folder(scene, folder, workers, scheduler, progress)
     except OSError as error:
         raise SceneError(f"output folder {str(folder)!r}: cannot be written: {error.strerror}.") from None
-
-
-def _check(folder: pathlib.Path) -> None:
-    """SceneError if a folder holds what no sweep wrote."""
-    if not folder.exists():
-        return
-    where = f"output folder {str(folder)!r}"
-    if not folder.is_dir():
-        raise SceneError(f"{where}: is a file. Choose another with -o.")
-    strangers = sorted(entry.name for entry in folder.iterdir() if entry.name not in OURS)
-    if strangers or (any(folder.iterdir()) and not is_sweep(folder)):
-        what = strangers[0] if strangers else next(folder.iterdir()).name
-        raise SceneError(f"{where}: holds {what!r} and is not a sweep of this program alone. Choose another with -o.")
-
-
-def is_sweep(folder: pathlib.Path) -> bool:
-    """True for the folder of a sweep."""
-    try:
-        return json.loads((folder / ABOUT).read_text(encoding="utf-8")).get("program") == PROGRAM
-    except (OSError, ValueError, AttributeError):
-        return False
 
 
 def _in_folder(

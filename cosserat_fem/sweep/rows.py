@@ -9,12 +9,13 @@ from __future__ import annotations
 import csv
 import json
 import pathlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from ..errors import nearest
 from ..export import replace_file
+from ..summary import flat
 
 CASES, CASE, ABOUT, RESULTS = "cases", "case.json", "sweep.json", "results.csv"
 PASSING = ("seconds", "versions", "platform", "program", "version", "title", "status", "reason", "discretisation")
@@ -36,14 +37,6 @@ class Row:
     status: str = LOST
     reason: str = ""
     values: dict[str, Any] = field(default_factory=dict)
-
-
-def flat(data: Any, path: str = "") -> dict[str, Any]:
-    """Numbers, texts and flags of nested tables by dotted path; entries of lists by number."""
-    if isinstance(data, dict | list):
-        entries: Iterable[tuple[Any, Any]] = data.items() if isinstance(data, dict) else enumerate(data)
-        return {k: v for key, inner in entries for k, v in flat(inner, f"{path}.{key}" if path else str(key)).items()}
-    return {} if data is None else {path: data}
 
 
 def results(summary: dict[str, Any]) -> dict[str, Any]:
