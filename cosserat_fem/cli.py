@@ -4,7 +4,7 @@ Rule: this room only talks; work is done below. Nothing heavy is imported until 
 answers at once. Results and progress go to standard output, faults to standard error.
 
 Exit codes: 0 fine; 1 stopped early (partial results are written, the reason is in summary.json); 2 the scene, a file or
-an argument is wrong; 3 is kept for checks that are violated.
+an argument is wrong; 3 limits are broken: no design keeps them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ app = App(
     result_action="return_value",
 )
 
-OK, STOPPED, WRONG = 0, 1, 2
+OK, STOPPED, WRONG, BROKEN = 0, 1, 2, 3
 Out = Annotated[pathlib.Path | None, Parameter(name=["--out", "-o"])]
 
 
@@ -568,6 +568,58 @@ def sweep(
         plot_sweep(found.folder)
         tell(f"Plots in {found.folder / 'pictures'}")
     return STOPPED if found.count("lost") else OK
+
+
+@app.command
+def design(
+    scene: pathlib.Path,
+    *,
+    out: Out = None,
+    pictures: bool = True,
+    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
+) -> int:
+    """Find the values that make a result least while others keep their limits, as the scene's [design] says.
+
+    Parameters
+    ----------
+    scene
+        Scene file (TOML) with a table [design].
+    out
+        Folder for the results; default is the design's own, or out/<name of the scene>_design.
+    pictures
+        Make plots when the results are safe.
+    quiet
+        Print nothing but faults.
+    """
+    from .errors import SceneError
+
+    loaded = _load(scene)
+    if loaded is None:
+        return WRONG
+    from .design.command import run_design
+
+    tell = (lambda text="": None) if quiet else say
+    tell(loaded.title)
+    logging.getLogger("cosserat_fem").setLevel(logging.ERROR)  # warnings of trials are in their tables
+    runs = loaded.tables.design.runs if loaded.tables.design is not None else 0
+    try:
+        with _Progress(runs, quiet, what="designs at most") as progress:
+            found = run_design(loaded, out, progress=progress)
+    except SceneError as error:
+        _tell_faults(error.faults)
+        return WRONG
+    tell(f"  {len(found.trials)} designs run")
+    for line in found.lines:
+        tell(f"  {line}")
+    tell(f"Results in {found.folder}")
+    if pictures:
+        from .design.plots import plot_design
+
+        plot_design(found.folder)
+        tell(f"Plots in {found.folder / 'pictures'}")
+    if not found.complete:
+        return STOPPED
+    return OK if found.best is not None else BROKEN
 
 
 @app.command

@@ -66,7 +66,7 @@ def test_room(file):
     if "pyvista" in top:
         assert room == "view.py"
     if "matplotlib" in top:
-        assert room in ("plots.py", "bench/plots.py", "sweep/plots.py")
+        assert room in ("plots.py", "bench/plots.py", "sweep/plots.py", "design/plots.py")
     assert not top & {"meshio", "h5py", "pyamg"}
 
 

@@ -17,9 +17,9 @@ import pytest
 import cosserat_fem as cf
 from cosserat_fem.cli import main
 from cosserat_fem.scene import shipped_scene
+from cosserat_fem.summary import flat
 from cosserat_fem.sweep.command import run_sweep
 from cosserat_fem.sweep.rows import Row
-from cosserat_fem.summary import flat
 from cosserat_fem.sweep.statistics import correlations, envelopes
 
 SCENE = """

@@ -22,12 +22,13 @@ from ..mechanism import Part
 from ..model import Model
 from ..refine import check_accuracy
 from ..terms import Term
+from .aim import design_faults
 from .build import Builder
 from .edit import changed, said
 from .lines import Path
 from .load import Source, read, validate
 from .tables import SceneTables
-from .vary import cases, study_faults
+from .vary import cases, sweep_faults
 from .written import foreign, identity, read_files, resolved
 
 ONE = {"static": "a static scene is one state", "path": "a path chooses its states itself"}
@@ -122,7 +123,10 @@ def build_scene(source: Source) -> Scene:
     """A scene from what was read. SceneError as for `load_scene`."""
     tables = validate(source)
     builder = Builder(source, tables)
-    builder.faults += study_faults(source, tables)
+    if tables.sweep is not None:
+        builder.faults += sweep_faults(source, tables.sweep)
+    if tables.design is not None:
+        builder.faults += design_faults(source, tables)
     model = builder.model()
     times = _times(source, tables)
     _check_run(builder, model, times)

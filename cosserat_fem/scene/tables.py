@@ -486,6 +486,34 @@ class SweepTable(Table):
     folder: str | None = None
 
 
+class VariableTable(Table):
+    """One value that a design may choose."""
+
+    path: Name
+    range: tuple[End, End]
+    axis: Direction | None = None
+
+
+class LimitTable(Table):
+    """A bound on a result that a design must keep."""
+
+    result: Name
+    least: End | None = None
+    most: End | None = None
+
+
+class DesignTable(Table):
+    """The values of this scene that make a result least."""
+
+    minimise: Name
+    vary: Annotated[list[VariableTable], Field(min_length=1)]
+    limits: list[LimitTable] = []
+    tolerance: quantity("number") = 1e-4
+    runs: Integer = 200
+    tradeoff: tuple[Name, Name] | None = None
+    folder: str | None = None
+
+
 class SceneTables(Table):
     """A whole scene file."""
 
@@ -503,3 +531,4 @@ class SceneTables(Table):
     solve: SolveTable
     output: OutputTable = OutputTable()
     sweep: SweepTable | None = None
+    design: DesignTable | None = None

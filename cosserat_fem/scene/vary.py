@@ -16,12 +16,12 @@ from ..errors import SceneError
 from .edit import changed, find
 from .lines import Path
 from .load import Source, validate
-from .tables import SceneTables, SweepTable, VaryTable
+from .tables import SweepTable, VaryTable
 from .units import measured
 
 MOST = 100_000  # cases
 DIGITS = 12
-FIXED = ("sweep", "output", "title")  # say nothing of what is solved
+FIXED = ("sweep", "design", "output", "title")  # say nothing of what is solved
 GIVEN = ("values", "range", "normal")
 
 
@@ -71,11 +71,8 @@ def _rounded(value: float) -> float:
     return float(f"{value:.{DIGITS - 1}e}")
 
 
-def study_faults(source: Source, tables: SceneTables) -> list[str]:
+def sweep_faults(source: Source, sweep: SweepTable) -> list[str]:
     """Faults of `[sweep]`, each at its line; values of the right shape may still be refused by the case that has them."""
-    sweep = tables.sweep
-    if sweep is None:
-        return []
     faults = []
 
     def fault(message: str, *keys: str | int) -> None:

@@ -1,7 +1,7 @@
 """How is a scene written back, and told from others?
 
 Rule: what is written says everything a run depends on, in SI with every default. The identity of a scene is a digest of what
-its solution depends on: not of its title, of where files are, or of studies ([sweep]).
+its solution depends on: not of its title, of where files are, or of studies ([sweep], [design]).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from .tables import SceneTables
 
 ALONG = ("along", "until", "longest", "branch")  # keys of [solve] for kind = "path"
 IN_TIME = ("start", "velocity", "rho_inf", "rtol", "dt", "richardson")  # keys of [solve] for kind = "dynamic"
-STUDIES = ("sweep",)  # tables about many runs
+STUDIES = ("sweep", "design")  # tables about many runs
 
 
 def resolved(source: Source, tables: SceneTables) -> str:

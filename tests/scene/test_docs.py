@@ -42,6 +42,9 @@ CHAPTERS = {
     "Output": tables.OutputTable,
     "Sweep": tables.SweepTable,
     "Varied values": tables.VaryTable,
+    "Design": tables.DesignTable,
+    "Chosen values": tables.VariableTable,
+    "Limits": tables.LimitTable,
 }
 
 

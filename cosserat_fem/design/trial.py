@@ -1,0 +1,256 @@
+"""What does one design give? A run of the changed scene, from the first state of the nearest design that was run.
+
+Rule: a design is a point of the unit cube, one axis for each variable. The first state of a run is found by going from the
+nearest design to this one, in as many parts as it takes, so that all designs lie on the branch of equilibria that begins at
+the drawn route. A design that has no equilibrium, or none to the end of the stroke, is a trial too: it keeps no limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..checks import bend_radius
+from ..errors import ConvergenceError, SceneError, nearest
+from ..history import History
+from ..model import Model
+from ..scene import Scene
+from ..scene.aim import bounds, starting, values
+from ..scene.lines import Path
+from ..scene.tables import LimitTable
+from ..scene.units import measured
+from ..space import State
+from ..statics import solve_quasistatic, solve_static
+from ..summary import describe, flat
+from ..transfer import Transfer
+
+SAME = 1e-12  # of a range: designs this close are one
+PARTS = 6  # times that the way from the nearest design is halved
+FAILED = -1.0  # margin of a design without results, in parts of the limit
+
+
+@dataclass(frozen=True, eq=False)
+class Limit:
+    """A bound on a result; `margin` is its distance from it in parts of the bound, negative where it is broken."""
+
+    result: str
+    bound: float
+    most: bool
+
+    def margin(self, value: float) -> float:
+        """Signed distance of a value from the bound."""
+        away = self.bound - value if self.most else value - self.bound
+        return float(np.clip(away / (abs(self.bound) or 1.0), -1e6, 1e6))
+
+    def __str__(self) -> str:
+        return f"{self.result} {'<=' if self.most else '>='} {self.bound:g}"
+
+
+def limits_of(tables: list[LimitTable]) -> list[Limit]:
+    """Bounds of a design, one for each `least` and `most`."""
+    return [
+        Limit(table.result, measured(bound)[0], most)
+        for table in tables
+        for bound, most in ((table.least, False), (table.most, True))
+        if bound is not None
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One design that was run: its point of the cube, changed values, results by dotted path and margins of the limits.
+
+    pieces: what the objective is the largest of, such as the torque at each station, each smooth over the designs;
+    margin_pieces: what the margins are the least of.
+    """
+
+    number: int
+    u: np.ndarray
+    changes: dict[str, Any]
+    reason: str = ""
+    results: dict[str, Any] = field(default_factory=dict)
+    margins: tuple[float, ...] = ()
+    objective: float = np.inf
+    warnings: tuple[str, ...] = ()
+    pieces: np.ndarray = field(default_factory=lambda: np.full(1, np.inf))
+    margin_pieces: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    first: tuple[Model, State] | None = None
+
+    @property
+    def feasible(self) -> bool:
+        """True if it ran to the end and keeps all limits."""
+        return not self.reason and min(self.margins, default=0.0) >= 0.0
+
+    @property
+    def margin(self) -> float:
+        """The least margin; 0 without limits."""
+        return min(self.margins, default=0.0) if not self.reason else FAILED
+
+
+class OutOfRuns(Exception):
+    """As many designs were run as the scene allows, or the user stopped the search."""
+
+
+class Trials:
+    """All designs that were run, each once."""
+
+    def __init__(self, scene: Scene, progress: Callable[[int, int], bool | None] | None = None) -> None:
+        if scene.tables.design is None:
+            raise SceneError(f"{scene.source.path}: has no [design] that says what to choose.")
+        self.scene, self.design, self.progress = scene, scene.tables.design, progress
+        self.limits = limits_of(self.design.limits)
+        self.low, self.high = bounds(self.design).T
+        self.done: list[Trial] = []
+        self.iterations = 0
+        named = [self.design.minimise, *(limit.result for limit in self.limits), *(self.design.tradeoff or ())]
+        self._parts = scene.parts if any(name.startswith("clearances.") for name in named) else ()
+
+    def start(self) -> np.ndarray:
+        """The scene as it is, in the cube; the middle where it says nothing, the nearest end where it lies outside."""
+        x = starting(self.scene.source, self.scene.model, self.design)
+        return np.clip(np.nan_to_num((x - self.low) / (self.high - self.low), nan=0.5), 0.0, 1.0)
+
+    def x(self, u: np.ndarray) -> np.ndarray:
+        """Values in SI of a point of the cube."""
+        return self.low + np.asarray(u) * (self.high - self.low)
+
+    def changes(self, u: np.ndarray) -> dict[str, Any]:
+        """Changed values of the scene at a point of the cube."""
+        return values(self.scene.source, self.scene.model, self.design, self.x(u))
+
+    def __call__(self, u: np.ndarray) -> Trial:
+        """The trial at a point of the cube; run if it is a new one. OutOfRuns if there may be no more."""
+        u = np.clip(np.asarray(u, dtype=float).ravel(), 0.0, 1.0)
+        for trial in self.done:
+            if np.abs(trial.u - u).max() <= SAME:
+                return trial
+        if len(self.done) >= self.design.runs:
+            raise OutOfRuns
+        trial = self._run(u)
+        self.done.append(trial)
+        if self.progress is not None and self.progress(len(self.done), self.design.runs):
+            raise OutOfRuns
+        return trial
+
+    def _run(self, u: np.ndarray) -> Trial:
+        number, changes = len(self.done), self.changes(u)
+        try:
+            scene = self.scene.changed(changes)
+            start = self._first(scene.model, u, PARTS)
+            history = self._solve(scene, start)
+        except (SceneError, ConvergenceError) as error:
+            return Trial(number, u, changes, str(error).splitlines()[0])
+        self.iterations += history.counters.iterations
+        said = describe(history, self._parts)
+        results = {path: _size(path, value) for path, value in (flat(said) | changes).items() if _is_number(value)}
+        self._check_names(results, said)
+        margins = tuple(limit.margin(_value(results, limit.result)) for limit in self.limits)
+        first = None if scene.model.contacts else (scene.model, history.records[0].state)
+        told = tuple(scene.model.warnings)
+        objective = _value(results, self.design.minimise)
+        pieces = series(history, self.design.minimise)
+        held = [
+            [margin] if (found := series(history, limit.result)) is None else [limit.margin(x) for x in found]
+            for limit, margin in zip(self.limits, margins, strict=True)
+        ]
+        return Trial(
+            number, u, changes, "", results, margins, objective, told,
+            np.array([objective]) if pieces is None else pieces, np.array([x for some in held for x in some]), first,
+        )  # fmt: skip
+
+    def _solve(self, scene: Scene, start: State | None) -> History:
+        solve = scene.tables.solve
+        if solve.kind == "static":
+            return solve_static(scene.model, t=float(scene.times[0]), start=start, steps=None if start else solve.steps)
+        return solve_quasistatic(scene.model, scene.times, start=start, past_limits=solve.past_limits)
+
+    def _first(self, model: Model, u: np.ndarray, parts: int) -> State | None:
+        """First state of a design, from that of the nearest one; None: from the drawn route."""
+        known = [trial for trial in self.done if trial.first is not None]
+        if not known or model.contacts:
+            return None
+        near = min(known, key=lambda trial: float(np.linalg.norm(trial.u - u)))
+        old, state = near.first  # type: ignore[misc]
+        return self._between(old, state, near.u, model, u, parts)
+
+    def _between(self, old: Model, state: State, at: np.ndarray, model: Model, u: np.ndarray, parts: int) -> State:
+        """First state of a design from that of another; half-way designs between them if there is no direct way."""
+        try:
+            found = solve_static(model, t=float(self.scene.times[0]), start=Transfer(old, model).state(state))
+        except ConvergenceError:
+            if parts == 0:
+                raise
+        else:
+            self.iterations += found.counters.iterations
+            if found.stable[0] is not False or parts == 0:
+                return found.final
+        middle = 0.5 * (at + u)
+        half = self.scene.changed(self.changes(middle)).model
+        there = self._between(old, state, at, half, middle, parts - 1)
+        return self._between(half, there, middle, model, u, parts - 1)
+
+    def _check_names(self, results: Mapping[str, Any], said: dict[str, Any]) -> None:
+        """SceneError if something that the design names is not among the results."""
+        faults = []
+        named: list[tuple[Path, str]] = [(("design", "minimise"), self.design.minimise)]
+        named += [(("design", "limits", k, "result"), limit.result) for k, limit in enumerate(self.design.limits)]
+        named += [(("design", "tradeoff", k), name) for k, name in enumerate(self.design.tradeoff or ())]
+        for path, name in named:
+            if name not in results and not _is_none(said, name):
+                faults.append(self.scene.source.fault(path, f"no result is called {name!r}. {nearest(name, results)}"))
+        if faults:
+            raise NamesError(faults)
+
+
+class NamesError(SceneError):
+    """A design names results that its runs do not have."""
+
+
+def series(history: History, name: str) -> np.ndarray | None:
+    """Values at each station whose largest (of a bend radius: least) is a result; None for results that are no such peak."""
+    table, _, rest = name.partition(".")
+    for ending, count in (
+        ("largest_torque", "hinges"),
+        ("largest_force", "reactions"),
+        ("largest_moment", "reactions"),
+    ):
+        if table == count and rest.endswith(f".{ending}.value"):
+            owner = rest.removesuffix(f".{ending}.value")
+            if table == "hinges":
+                torque = history.hinge_torque(owner)
+                return np.concatenate([torque, -torque])
+            support = next((h for h in history.model.supports if h.name == owner), None)
+            if support is not None:
+                half = slice(0, 3) if ending == "largest_force" else slice(3, 6)
+                return np.linalg.norm(history.reaction(support)[:, half], axis=1)
+    if table == "rods" and rest.endswith(".smallest_bend_radius.value"):
+        return bend_radius(history, rest.removesuffix(".smallest_bend_radius.value"), at="nodes").min(axis=1)
+    return None
+
+
+def _is_none(said: Any, name: str) -> bool:
+    """True if a result is not there because its table says so: a straight rod has no smallest bend radius."""
+    for word in name.split("."):
+        if not isinstance(said, dict) or word not in said:
+            return False
+        said = said[word]
+        if said is None:
+            return True
+    return False
+
+
+def _size(path: str, value: float) -> float:
+    """A result as a limit sees it: what is called largest in some direction counts by its size."""
+    return abs(float(value)) if ".largest_" in path else float(value)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _value(results: Mapping[str, Any], name: str) -> float:
+    """A result; infinite where its table says there is none."""
+    return float(results.get(name, np.inf))
