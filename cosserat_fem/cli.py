@@ -422,12 +422,12 @@ def render(
     film: Annotated[bool, Parameter(negative="")] = False,
     out: Out = None,
 ) -> int:
-    """Draw a run: its plots and pictures again, one state, or a film.
+    """Draw a run: its plots and pictures again, one state, or a film; of a sweep or a design its plots.
 
     Parameters
     ----------
     folder
-        Folder of a run.
+        Folder of a run, a sweep or a design.
     step
         Number of the state to draw (negative counts from the end).
     field
@@ -437,6 +437,8 @@ def render(
     out
         File to write (.png, .jpg, ...; alone: the last state); default is in the run's folder pictures.
     """
+    if (folder / "sweep.json").is_file() or (folder / "design.json").is_file():
+        return _render_study(folder, step is not None or field is not None or film or out is not None)
     from .run import draw
 
     if not _is_run(folder):
@@ -456,6 +458,22 @@ def render(
             say(f"{'Film' if film else 'Picture'} in {path}")
     else:
         say(f"Pictures in {folder / 'pictures'}")
+    return OK
+
+
+def _render_study(folder: pathlib.Path, more: bool) -> int:
+    """Plots of a sweep or a design again."""
+    if more:
+        say_wrong(
+            f"{folder}: is not the folder of a run; of a sweep or a design there are plots only, without options."
+        )
+        return WRONG
+    if (folder / "sweep.json").is_file():
+        from .sweep.plots import plot_sweep as plot
+    else:
+        from .design.plots import plot_design as plot
+    plot(folder)
+    say(f"Plots in {folder / 'pictures'}")
     return OK
 
 
@@ -567,7 +585,7 @@ def sweep(
 
         plot_sweep(found.folder)
         tell(f"Plots in {found.folder / 'pictures'}")
-    return STOPPED if found.count("lost") else OK
+    return STOPPED if found.count("lost") or found.count("missing") else OK
 
 
 @app.command

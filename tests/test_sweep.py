@@ -108,10 +108,10 @@ def test_a_stopped_sweep_keeps_what_it_has_and_goes_on(swept, tmp_path):
     file, out = swept
     scene = cf.load_scene(file)
     found = run_sweep(scene, tmp_path / "out", progress=lambda done, total: done == 2)
-    assert (found.run, found.count("lost")) == (2, 4)
-    assert [row["status"] for row in table(tmp_path / "out")] == ["converged", "refused"] + ["lost"] * 4
+    assert (found.run, found.count("missing"), found.notes[-1][:9]) == (2, 4, "4 not run")
+    assert [row["status"] for row in table(tmp_path / "out")] == ["converged", "refused"] + ["missing"] * 4
     found = run_sweep(scene, tmp_path / "out")
-    assert (found.run, found.count("lost")) == (4, 0)
+    assert (found.run, found.count("missing")) == (4, 0)
     for name in ("results.csv", "torque_envelope.csv", "correlations.csv"):
         assert (tmp_path / "out" / name).read_text() == (out / name).read_text()
 
@@ -192,6 +192,16 @@ def test_a_scene_without_a_sweep_and_a_foreign_folder_are_refused(swept, tmp_pat
     assert "holds 'notes.txt' and is not that of an earlier such study" in capsys.readouterr().err
     assert main(["check", str(swept[0])]) == 0
     assert "Sweep: 6 case(s)." in capsys.readouterr().out
+
+
+def test_plots_are_drawn_again_from_the_folder_alone(swept, tmp_path, capsys):
+    shutil.copytree(swept[1], tmp_path / "out", ignore=shutil.ignore_patterns("pictures", "cases"))
+    assert main(["render", str(tmp_path / "out")]) == 0
+    drawn = sorted(path.name for path in (tmp_path / "out" / "pictures").iterdir())
+    assert drawn == sorted(path.name for path in (swept[1] / "pictures").iterdir())
+    assert {"results.png", "torque_envelope.svg"} <= set(drawn)
+    assert main(["render", str(tmp_path / "out"), "--film"]) == 2
+    assert "is not the folder of a run" in capsys.readouterr().err
 
 
 def test_what_nobody_reports_is_told(swept, tmp_path):

@@ -21,6 +21,7 @@ from functools import lru_cache
 from typing import Any
 
 from ..errors import SceneError, one_line
+from ..folder import RunFolder
 from ..run import Keep, run_scene
 from ..scene import changed_scene
 from ..scene.edit import changed
@@ -91,16 +92,21 @@ def _write_case(job: Job, place: pathlib.Path) -> str:
     begin = time.process_time()
     try:
         scene = changed_scene(_source(job.path, job.text), job.changes)
-        outcome = run_scene(scene, place, keep=Keep(KEPT, job.errors, job.clearances))
     except SceneError as error:
         status, reason = "refused", str(error)
-        place.mkdir(exist_ok=True)
+        place.mkdir()
     else:
-        status, reason = "stopped" if outcome.reason else "converged", outcome.reason
-        if outcome.by_chance:
-            if reason.startswith("interrupted"):
-                raise KeyboardInterrupt
-            return reason
+        with RunFolder(place) as held:
+            try:
+                outcome = run_scene(scene, held, keep=Keep(KEPT, job.errors, job.clearances))
+            except SceneError as error:
+                status, reason = "refused", str(error)
+            else:
+                status, reason = "stopped" if outcome.reason else "converged", outcome.reason
+                if outcome.by_chance:
+                    if reason.startswith("interrupted"):
+                        raise KeyboardInterrupt
+                    return reason
     about = {
         "key": job.key,
         "status": status,

@@ -19,7 +19,7 @@ from ..scene import Scene
 from ..scene.edit import said
 from .case import Job, clear_unfinished, key_of, run_case
 from .cluster import run_on_scheduler, run_on_workers
-from .rows import ABOUT, DONE, LOST, RESULTS, Row, is_done, read_row, reported, write_results
+from .rows import ABOUT, DONE, LOST, MISSING, RESULTS, Row, is_done, read_row, reported, write_results
 from .statistics import correlations, envelopes, write_correlations, write_envelopes
 
 OURS = ("cases", "pictures", RESULTS, "correlations.csv", "torque_envelope.csv")
@@ -109,7 +109,7 @@ def _in_folder(
     finally:
         clear_unfinished(folder)
         rows = [read_row(folder, k, job.key, case) for k, (job, case) in enumerate(zip(jobs, cases, strict=True))]
-        rows = [replace(row, reason=problems[row.key]) if row.key in problems else row for row in rows]
+        rows = [replace(row, status=LOST, reason=problems[row.key]) if row.key in problems else row for row in rows]
         notes = _write_tables(scene, folder, jobs, rows)
     same = not missing and about.read_text(encoding="utf-8") == before
     return Sweep(folder, tuple(rows), done, same, tuple(notes))
@@ -146,7 +146,7 @@ def _write_tables(scene: Scene, folder: pathlib.Path, jobs: Sequence[Job], rows:
     write_results(rows, columns, folder / RESULTS)
     write_correlations(correlations(rows, columns), folder / "correlations.csv")
     write_envelopes(envelopes(folder, rows), folder / "torque_envelope.csv")
-    counts = {status: sum(row.status == status for row in rows) for status in (*DONE, LOST)}
+    counts = {status: sum(row.status == status for row in rows) for status in (*DONE, LOST, MISSING)}
     _write_about(scene, folder, jobs, columns, counts)
     for status in ("stopped", "refused", LOST):
         first = next((row for row in rows if row.status == status), None)
@@ -155,6 +155,8 @@ def _write_tables(scene: Scene, folder: pathlib.Path, jobs: Sequence[Job], rows:
             notes.append(
                 f"{counts[status]} {status}; the first is case {first.number} ({said(first.changes)}): {reason}"
             )
+    if counts[MISSING]:
+        notes.append(f"{counts[MISSING]} not run yet; the next call runs them")
     return notes
 
 

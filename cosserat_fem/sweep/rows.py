@@ -20,7 +20,7 @@ from ..summary import flat
 CASES, CASE, ABOUT, RESULTS = "cases", "case.json", "sweep.json", "results.csv"
 PASSING = ("seconds", "versions", "platform", "program", "version", "title", "status", "reason", "discretisation")
 PASSING_INSIDE = ("physics.cpu_seconds", "counters")
-DONE, LOST = ("converged", "stopped", "refused"), "lost"
+DONE, LOST, MISSING = ("converged", "stopped", "refused"), "lost", "missing"
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,13 @@ class Row:
     """One case: its number, key, changed values, how it ended and what it found.
 
     status: "converged"; "stopped" (no equilibrium from some state on; what was found before is reported); "refused" (the
-    scene cannot be meant); "lost" (the machine ended it: it is run again by the next call).
+    scene cannot be meant); "lost" (the machine ended it) and "missing" (not run yet): the next call runs these.
     """
 
     number: int
     key: str
     changes: dict[str, Any]
-    status: str = LOST
+    status: str = MISSING
     reason: str = ""
     values: dict[str, Any] = field(default_factory=dict)
 
@@ -51,12 +51,12 @@ def is_done(folder: pathlib.Path, key: str) -> bool:
 
 
 def read_row(folder: pathlib.Path, number: int, key: str, changes: dict[str, Any]) -> Row:
-    """The row of a case from its folder; a case without one is lost so far."""
+    """The row of a case from its folder; without one it is missing."""
     place = folder / CASES / key
     try:
         said = json.loads((place / CASE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return Row(number, key, changes, LOST, "not run yet")
+        return Row(number, key, changes)
     values: dict[str, Any] = {}
     if said["status"] != "refused":
         values = results(json.loads((place / "summary.json").read_text(encoding="utf-8")))
