@@ -310,6 +310,7 @@ def check(scene: pathlib.Path) -> int:
         f"{scene}: fine. {len(model.rods)} rod(s), {6 * model.space.n_nodes} unknowns, {loaded.stations} station(s), "
         f"terms: {', '.join([model.internal.name, *(term.name for term in model.terms)])}."
         + (f" Sweep: {len(loaded.cases)} case(s)." if loaded.cases else "")
+        + (f" Design: {len(loaded.tables.design.vary)} value(s)." if loaded.tables.design is not None else "")
     )
     return OK
 

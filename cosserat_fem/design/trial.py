@@ -29,6 +29,8 @@ from ..transfer import Transfer
 
 SAME = 1e-12  # of a range: designs this close are one
 PARTS = 6  # times that the way from the nearest design is halved
+PEAKS = {"largest_force": slice(0, 3), "largest_moment": slice(3, 6)}
+STRAIGHT = 1e6  # m: a rod with this bend radius is straight
 FAILED = -1.0  # margin of a design without results, in parts of the limit
 
 
@@ -151,14 +153,15 @@ class Trials:
         first = None if scene.model.contacts else (scene.model, history.records[0].state)
         told = tuple(scene.model.warnings)
         objective = _value(results, self.design.minimise)
-        pieces = series(history, self.design.minimise)
+        at = np.linspace(history.order[0], history.order[-1], len(scene.times))
+        pieces = series(history, self.design.minimise, at)
         held = [
-            [margin] if (found := series(history, limit.result)) is None else [limit.margin(x) for x in found]
+            [margin, *(limit.margin(x) for x in series(history, limit.result, at))]
             for limit, margin in zip(self.limits, margins, strict=True)
         ]
         return Trial(
             number, u, changes, "", results, margins, objective, told,
-            np.array([objective]) if pieces is None else pieces, np.array([x for some in held for x in some]), first,
+            np.array([objective, *pieces]), np.array([x for some in held for x in some]), first,
         )  # fmt: skip
 
     def _solve(self, scene: Scene, start: State | None) -> History:
@@ -209,26 +212,24 @@ class NamesError(SceneError):
     """A design names results that its runs do not have."""
 
 
-def series(history: History, name: str) -> np.ndarray | None:
-    """Values at each station whose largest (of a bend radius: least) is a result; None for results that are no such peak."""
+def series(history: History, name: str, at: np.ndarray) -> np.ndarray:
+    """Values whose largest (of a bend radius: least) is a result, at places `at` of the course of states; none of a result
+    that is no such peak. As many for each design, whichever states its run has."""
+
+    def moved(values: np.ndarray) -> np.ndarray:
+        return np.interp(at, history.order, values)
+
     table, _, rest = name.partition(".")
-    for ending, count in (
-        ("largest_torque", "hinges"),
-        ("largest_force", "reactions"),
-        ("largest_moment", "reactions"),
-    ):
-        if table == count and rest.endswith(f".{ending}.value"):
-            owner = rest.removesuffix(f".{ending}.value")
-            if table == "hinges":
-                torque = history.hinge_torque(owner)
-                return np.concatenate([torque, -torque])
-            support = next((h for h in history.model.supports if h.name == owner), None)
-            if support is not None:
-                half = slice(0, 3) if ending == "largest_force" else slice(3, 6)
-                return np.linalg.norm(history.reaction(support)[:, half], axis=1)
-    if table == "rods" and rest.endswith(".smallest_bend_radius.value"):
-        return bend_radius(history, rest.removesuffix(".smallest_bend_radius.value"), at="nodes").min(axis=1)
-    return None
+    owner, _, peak = rest.removesuffix(".value").rpartition(".")
+    if table == "hinges" and peak == "largest_torque":
+        torque = moved(history.hinge_torque(owner))
+        return np.concatenate([torque, -torque])
+    if table == "reactions" and peak in PEAKS:
+        load = history.reaction(next(h for h in history.model.supports if h.name == owner))
+        return moved(np.linalg.norm(load[:, PEAKS[peak]], axis=1))
+    if table == "rods" and peak == "smallest_bend_radius":
+        return moved(np.minimum(bend_radius(history, owner, at="nodes").min(axis=1), STRAIGHT))
+    return np.zeros(0)
 
 
 def _is_none(said: Any, name: str) -> bool:
