@@ -577,6 +577,9 @@ def sweep(
     except SceneError as error:
         _tell_faults(error.faults)
         return WRONG
+    except KeyboardInterrupt:
+        say_wrong("interrupted; finished cases are kept, the same command goes on.")
+        return STOPPED
     tell(f"  {len(found.rows)} cases, {found.run} run now, {found.count('converged')} converged")
     for note in found.notes:
         tell(f"  {note}")

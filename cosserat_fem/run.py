@@ -160,6 +160,7 @@ def run_scene(
         with clock, phases.measure("solve"):
             history = _solve(scene, progress, out.path, resume)
         reason = history.message if history.status == "stopped" else ""
+        by_chance = reason.startswith("interrupted")
     except ConvergenceError as error:
         reason, history = str(error), error.history
     except KeyboardInterrupt:
@@ -227,14 +228,26 @@ def _why(error: BaseException) -> str:
     return getattr(error, "strerror", None) or one_line(error)
 
 
+def solve_scene(scene: Scene, start: State | None = None) -> History:
+    """Solve a static or quasi-static scene from a state of its model; nothing is written."""
+    return _solve(scene, None, pathlib.Path(), False, start)
+
+
 def _solve(
-    scene: Scene, progress: Callable[[int, int], bool | None] | None, folder: pathlib.Path, resume: bool
+    scene: Scene,
+    progress: Callable[[int, int], bool | None] | None,
+    folder: pathlib.Path,
+    resume: bool,
+    start: State | None = None,
 ) -> History:
     if scene.tables.solve.kind == "dynamic":
         return _solve_in_time(scene, progress, folder, resume)
     if scene.tables.solve.kind == "static":
         table = scene.tables.solve
-        history = solve_static(scene.model, t=float(scene.times[0]), steps=table.steps, accuracy=table.accuracy)
+        steps = table.steps if start is None else None
+        history = solve_static(
+            scene.model, t=float(scene.times[0]), start=start, steps=steps, accuracy=table.accuracy
+        )  # fmt: skip
         if progress is not None:
             progress(1, 1)
         return history
@@ -250,8 +263,9 @@ def _solve(
 
     table = scene.tables.solve
     history = solve_quasistatic(
-        scene.model, scene.times, past_limits=table.past_limits, callback=callback, accuracy=table.accuracy
-    )
+        scene.model, scene.times, start=start, past_limits=table.past_limits, callback=callback,
+        accuracy=table.accuracy,
+    )  # fmt: skip
     if asked:
         history.status, history.message = "stopped", f"asked to stop at t = {history.t[-1]:g} s"
     return history

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import cosserat_fem as cf
+from cosserat_fem import statics
 from cosserat_fem.cli import main
 from cosserat_fem.design.command import run_design
 from cosserat_fem.design.search import best, front, search
@@ -88,6 +89,28 @@ def test_runs_end(tmp_path):
     found = run_design(design(CANTILEVER, tmp_path, MOMENT, runs=5), tmp_path / "out")
     assert (len(found.trials), found.complete) == (5, False)
     assert found.lines[0] == "stopped after 5 designs; [design] runs allows 5."
+
+
+def test_an_interrupted_design_keeps_what_it_has(tmp_path, monkeypatch, capsys):
+    """Ctrl-C in the middle of a stroke: that design is none, those before are written, the exit code is 1."""
+    text = shipped_scene().read_text().replace("1 s", "30 s")
+    for old, new in BARE.values():
+        text = text.replace(old, new)
+    file = tmp_path / "hinge.toml"
+    file.write_text(f"{text}\n[design]{LOOP}")
+    travel, calls = statics._travel, []
+
+    def press(*arguments):
+        calls.append(1)
+        if len(calls) == 8:  # third design of three steps each
+            raise KeyboardInterrupt
+        return travel(*arguments)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(statics, "_travel", press)
+        assert main(["design", str(file), "-o", str(tmp_path / "out"), "--no-pictures"]) == 1
+    assert "2 designs run" in capsys.readouterr().out
+    assert len((tmp_path / "out" / "trials.csv").read_text().splitlines()) == 3
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import cosserat_fem as cf
+from cosserat_fem import statics
 from cosserat_fem.cli import main
 from cosserat_fem.scene import shipped_scene
 from cosserat_fem.summary import flat
@@ -114,6 +115,26 @@ def test_a_stopped_sweep_keeps_what_it_has_and_goes_on(swept, tmp_path):
     assert (found.run, found.count("missing")) == (4, 0)
     for name in ("results.csv", "torque_envelope.csv", "correlations.csv"):
         assert (tmp_path / "out" / name).read_text() == (out / name).read_text()
+
+
+def test_an_interrupted_case_is_no_row(swept, tmp_path, monkeypatch, capsys):
+    """Ctrl-C in the middle of a stroke: the case is not there, what was done before is, and the next call goes on."""
+    travel, calls = statics._travel, []
+
+    def press(*arguments):
+        calls.append(1)
+        if len(calls) == 6:  # second station of the second case
+            raise KeyboardInterrupt
+        return travel(*arguments)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(statics, "_travel", press)
+        assert main(["sweep", str(swept[0]), "-o", str(tmp_path / "out"), "--no-pictures"]) == 1
+    assert "interrupted" in capsys.readouterr().err
+    assert [row["status"] for row in table(tmp_path / "out")] == ["converged", "refused"] + ["missing"] * 4
+    assert not list((tmp_path / "out" / "cases").glob(".*"))
+    assert main(["sweep", str(swept[0]), "-o", str(tmp_path / "out"), "--no-pictures"]) == 0
+    assert (tmp_path / "out" / "results.csv").read_text() == (swept[1] / "results.csv").read_text()
 
 
 def kill_first_worker(folder, killed):

@@ -17,13 +17,14 @@ from ..checks import bend_radius
 from ..errors import ConvergenceError, SceneError, nearest
 from ..history import History
 from ..model import Model
+from ..run import solve_scene
 from ..scene import Scene
 from ..scene.aim import bounds, starting, values
 from ..scene.lines import Path
 from ..scene.tables import LimitTable
 from ..scene.units import measured
 from ..space import State
-from ..statics import solve_quasistatic, solve_static
+from ..statics import solve_static
 from ..summary import describe, flat
 from ..transfer import Transfer
 
@@ -142,15 +143,17 @@ class Trials:
         try:
             scene = self.scene.changed(changes)
             start = self._first(scene.model, u, PARTS)
-            history = self._solve(scene, start)
+            history = solve_scene(scene, start)
         except (SceneError, ConvergenceError) as error:
             return Trial(number, u, changes, str(error).splitlines()[0])
+        if history.status == "stopped":  # by Ctrl-C
+            raise OutOfRuns
         self.iterations += history.counters.iterations
         said = describe(history, self._parts)
         results = {path: _size(path, value) for path, value in (flat(said) | changes).items() if _is_number(value)}
         self._check_names(results, said)
         margins = tuple(limit.margin(_value(results, limit.result)) for limit in self.limits)
-        first = None if scene.model.contacts else (scene.model, history.records[0].state)
+        first = None if scene.model.contacts else (history.model, history.records[0].state)
         told = tuple(scene.model.warnings)
         objective = _value(results, self.design.minimise)
         at = np.linspace(history.order[0], history.order[-1], len(scene.times))
@@ -163,12 +166,6 @@ class Trials:
             number, u, changes, "", results, margins, objective, told,
             np.array([objective, *pieces]), np.array([x for some in held for x in some]), first,
         )  # fmt: skip
-
-    def _solve(self, scene: Scene, start: State | None) -> History:
-        solve = scene.tables.solve
-        if solve.kind == "static":
-            return solve_static(scene.model, t=float(scene.times[0]), start=start, steps=None if start else solve.steps)
-        return solve_quasistatic(scene.model, scene.times, start=start, past_limits=solve.past_limits)
 
     def _first(self, model: Model, u: np.ndarray, parts: int) -> State | None:
         """First state of a design, from that of the nearest one; None: from the drawn route."""
