@@ -38,6 +38,12 @@ def test_hinge(tmp_path, name):
     assert force == pytest.approx(1318.891, abs=0.03)
 
 
+def test_longer_cable(capsys):
+    """Its studies are valid; what the design finds is held against a scan in test_design.py."""
+    assert main(["check", str(EXAMPLES / "longer_cable.toml")]) == 0
+    assert "Sweep: 60 case(s). Design: 1 value(s)." in capsys.readouterr().out
+
+
 def test_hanging_cable(tmp_path):
     """Half the weight on each wall; the pull between a chain of the same span and a stiff strip."""
     rows = run_scene("hanging_cable.toml", tmp_path)
