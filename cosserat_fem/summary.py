@@ -67,6 +67,11 @@ def flat(data: Any, path: str = "") -> dict[str, Any]:
     return {} if data is None else {path: data}
 
 
+def size(path: str, value: float) -> float:
+    """A result as limits and correlations see it: what is called largest counts by its size, whatever its direction."""
+    return abs(float(value)) if ".largest_" in path else float(value)
+
+
 def _describe_path(history: History) -> dict[str, Any]:
     """Extent of a path and its critical points; `after_station` counts from 0."""
     return {

@@ -87,6 +87,22 @@ def test_no_design_keeps_the_limits(tmp_path, capsys):
     assert "load.0.force.2 = -0.001" in said
 
 
+def test_designs_that_cannot_be_are_trials_too(tmp_path):
+    """A load beyond the end of the rod is refused, with its reason; the least place that needs 8 N mm is at 0.8 m."""
+    vary = '{ path = "load.0.at", range = [0.5, 1.5] }'
+    limit = '{ result = "reactions.wall.largest_moment.value", least = "8 N mm" }'
+    text = CANTILEVER.replace('at = "end"', "at = 1.0")
+    scene = design(text, tmp_path, limit, vary=vary)
+    scene = build_scene(
+        parse(scene.source.path, scene.source.text.replace('"load.0.force.2"\nvary', '"load.0.at"\nvary'))
+    )
+    found = run_design(scene, tmp_path / "out")
+    assert found.best.changes["load.0.at"] == pytest.approx(0.8, rel=1e-3)
+    with open(tmp_path / "out" / "trials.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert all(("is not on rod 'beam'" in row["reason"]) == (float(row["load.0.at"]) > 1) for row in rows)
+
+
 def test_runs_end(tmp_path):
     """No more designs are run than allowed; the best of them is kept, and that it is not the last word is told."""
     found = run_design(design(CANTILEVER, tmp_path, MOMENT, runs=5), tmp_path / "out")

@@ -266,6 +266,8 @@ def test_rank_correlation_finds_what_matters():
     assert (first.varied, first.rho, first.count) == ("a", pytest.approx(1.0), 50)
     assert (second.varied, abs(second.rho) < 0.3) == ("b", True)
     assert first.p_value < 1e-10 < 0.05 < second.p_value
+    turned = [row(k, {"a": float(k)}, {"hinges.h.largest_torque.value": (-1) ** k * k}) for k in range(9)]
+    assert correlations(turned, ["hinges.h.largest_torque.value"])[0].rho == pytest.approx(1.0)  # whichever way it acts
 
 
 def test_envelope_is_that_of_the_cases_on_each_way(tmp_path):

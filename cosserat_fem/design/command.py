@@ -156,7 +156,8 @@ def _told(trials: Trials, trial: Trial, feasible: bool) -> list[str]:
     for entry, value in zip(trials.design.vary, trials.x(trial.u), strict=True):
         unit = " (turned by, rad)" if entry.axis is not None else ""
         lines.append(f"{entry.path} = {value:.7g}{unit}")
-    lines.append(f"{trials.design.minimise} = {trial.objective:.6g}")
+    if trials.design.minimise not in trial.changes:
+        lines.append(f"{trials.design.minimise} = {trial.objective:.6g}")
     for limit, margin in zip(trials.limits, trial.margins, strict=True):
         value = trial.results.get(limit.result)
         got = "none" if value is None else f"{value:.6g}"

@@ -25,7 +25,7 @@ from ..scene.tables import LimitTable
 from ..scene.units import measured
 from ..space import State
 from ..statics import solve_static
-from ..summary import describe, flat
+from ..summary import describe, flat, size
 from ..transfer import Transfer
 
 SAME = 1e-12  # of a range: designs this close are one
@@ -150,7 +150,7 @@ class Trials:
             raise OutOfRuns
         self.iterations += history.counters.iterations
         said = describe(history, self._parts)
-        results = {path: _size(path, value) for path, value in (flat(said) | changes).items() if _is_number(value)}
+        results = {path: size(path, value) for path, value in (flat(said) | changes).items() if _is_number(value)}
         self._check_names(results, said)
         margins = tuple(limit.margin(_value(results, limit.result)) for limit in self.limits)
         first = None if scene.model.contacts else (history.model, history.records[0].state)
@@ -238,11 +238,6 @@ def _is_none(said: Any, name: str) -> bool:
         if said is None:
             return True
     return False
-
-
-def _size(path: str, value: float) -> float:
-    """A result as a limit sees it: what is called largest in some direction counts by its size."""
-    return abs(float(value)) if ".largest_" in path else float(value)
 
 
 def _is_number(value: Any) -> bool:

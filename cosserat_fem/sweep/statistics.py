@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..export import replace_file
+from ..summary import size
 from .rows import CASES, Row, is_number
 
 PERCENTILES = (5, 50, 95)
@@ -52,7 +53,8 @@ def converged(rows: Sequence[Row]) -> list[Row]:
 
 
 def correlations(rows: Sequence[Row], columns: Sequence[str]) -> list[Correlation]:
-    """Of each changed number with each reported number, strongest first within a result; what never changes has none.
+    """Of each changed number with the size of each reported number, strongest first within a result; what never changes has
+    none.
 
     Source: Spearman (1904); `scipy.stats.spearmanr`.
     """
@@ -64,7 +66,7 @@ def correlations(rows: Sequence[Row], columns: Sequence[str]) -> list[Correlatio
         of_result = []
         for varied in dict.fromkeys(name for row in rows for name in row.changes):
             pairs = [
-                (row.changes[varied], row.values[result])
+                (row.changes[varied], size(result, row.values[result]))
                 for row in rows
                 if is_number(row.changes.get(varied)) and is_number(row.values.get(result))
             ]
