@@ -42,6 +42,8 @@ _HOMES = {
     "solve_static": "statics",
     "solve_quasistatic": "statics",
     "solve_dynamic": "dynamics",
+    "Resolution": "march",
+    "Watch": "march",
     "trace_path": "continuation",
     "critical_load": "continuation",
     "CriticalPoint": "arclength",
@@ -82,6 +84,7 @@ if TYPE_CHECKING:
     from .export import to_meshio, to_pyvista
     from .history import History
     from .integrator import AdaptiveStep, FixedStep
+    from .march import Resolution, Watch
     from .mechanism import GROUND, Hinge, Part, Path, Slider
     from .model import Model
     from .rod import Elements, Rod

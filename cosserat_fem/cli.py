@@ -4,7 +4,7 @@ Rule: this room only talks; work is done below. Nothing heavy is imported until 
 answers at once. Results and progress go to standard output, faults to standard error.
 
 Exit codes: 0 fine; 1 stopped early (partial results are written, the reason is in summary.json); 2 the scene, a file or
-an argument is wrong; 3 limits are broken: no design keeps them.
+an argument is wrong; 3 a check or the margin of a drive is violated, or not known; no design keeps its limits.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ app = App(
     result_action="return_value",
 )
 
-OK, STOPPED, WRONG, BROKEN = 0, 1, 2, 3
+OK, STOPPED, WRONG, VIOLATED = 0, 1, 2, 3
 Out = Annotated[pathlib.Path | None, Parameter(name=["--out", "-o"])]
 
 
@@ -178,6 +178,8 @@ def _finish(outcome: Any, tell: Callable[[str], None], *, pictures: bool, skip: 
     """Say what a run found and where it is; then the pictures. Exit code."""
     if outcome.history is not None:
         _tell_results(outcome.history, tell)
+        _tell_drives(outcome.verdicts, tell)
+    good = STOPPED if outcome.reason else VIOLATED if outcome.violated else OK
     if outcome.complete:
         tell(f"Results in {outcome.folder}")
     elif outcome.written:
@@ -185,8 +187,8 @@ def _finish(outcome: Any, tell: Callable[[str], None], *, pictures: bool, skip: 
     if outcome.reason:
         say_wrong(f"stopped: {outcome.reason}")
     if pictures and outcome.complete:
-        return _draw(outcome.folder, tell, skip=skip) or (STOPPED if outcome.reason else OK)
-    return STOPPED if outcome.reason else OK
+        return _draw(outcome.folder, tell, skip=skip) or good
+    return good
 
 
 def _draw(folder: pathlib.Path, tell: Callable[[str], None], *, skip: bool) -> int:
@@ -208,6 +210,7 @@ def _tell_results(history: Any, tell: Callable[[str], None]) -> None:
     """A few lines that answer first questions."""
     import numpy as np
 
+    from .drive import describe_torque
     from .export import hinged_parts
 
     for event in history.critical:
@@ -227,6 +230,7 @@ def _tell_results(history: Any, tell: Callable[[str], None]) -> None:
         torque, angle = history.hinge_torque(part), np.degrees(history.hinge_angle(part))
         k = int(np.argmax(np.abs(torque)))
         tell(f"  hinge of {part.name}: torque up to {torque[k]:.6g} N m at {angle[k]:.4g} deg")
+        _tell_loop(describe_torque(history, part), tell)
     for term in history.model.contacts:
         told = history.pressed(term.name)
         top = max(range(len(told)), key=lambda k: told[k].peak)
@@ -235,6 +239,37 @@ def _tell_results(history: Any, tell: Callable[[str], None]) -> None:
             tell(f"  contact {term.name}: line force up to {told[top].peak:.4g} N/m {s}, t = {history.t[top]:g} s")
         else:
             tell(f"  contact {term.name}: does not touch")
+
+
+def _tell_loop(said: dict[str, Any], tell: Callable[[str], None]) -> None:
+    """The torque of a hinge out and back."""
+    if "back" not in said.get("peaks", {}):
+        return
+    for way in ("out", "back"):
+        low, high = said["peaks"][way]["smallest"], said["peaks"][way]["largest"]
+        tell(
+            f"    {way}: {low['value']:.6g} N m at {low['angle_deg']:.4g} deg to {high['value']:.6g} N m at "
+            f"{high['angle_deg']:.4g} deg"
+        )
+    if said["band"]["largest"] is not None:
+        band = said["band"]["largest"]
+        tell(f"    between out and back: up to {band['value']:.4g} N m at {band['angle_deg']:.4g} deg")
+    if "cycle" in said["work"]:
+        tell(f"    work of a cycle: {said['work']['cycle']:.4g} J")
+
+
+def _tell_drives(verdicts: dict[str, dict[str, Any]], tell: Callable[[str], None]) -> None:
+    """What becomes of each drive."""
+    for name, said in verdicts.items():
+        if said["verdict"] == "UNKNOWN":
+            tell(f"  drive of {name}: UNKNOWN, {said['reason']}")
+            continue
+        margin = said["margin"]
+        value = "nothing resists" if margin["value"] is None else f"margin {margin['value']:.4g}"
+        tell(
+            f"  drive of {name}: {said['verdict']}, {value} at {margin['angle_deg']:.4g} deg on the way {margin['way']} "
+            f"(needs {said['required']:.4g} N m, has {said['available']:.4g} N m)"
+        )
 
 
 def _station(history: Any, k: int) -> str:
@@ -641,7 +676,7 @@ def design(
         tell(f"Plots in {found.folder / 'pictures'}")
     if not found.complete:
         return STOPPED
-    return OK if found.best is not None else BROKEN
+    return OK if found.best is not None else VIOLATED
 
 
 @app.command

@@ -9,7 +9,7 @@ they are; in a plane it keeps what lies in the plane.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from time import thread_time
 from typing import Any, cast
 
@@ -120,7 +120,7 @@ class SpaceBorder:
 
     def give(self, state: State, r: np.ndarray, q: np.ndarray, sigma: np.ndarray) -> State:
         """The state with these places, attitudes and stress memory."""
-        return replace(state, r=r, q=q, stress=(sigma,))
+        return State(state.t, r, q, (sigma,), None, state.velocity, state.slope)
 
     def holds(self, t: float, targets: Targets | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Place and attitude of the supports and frames T (M, d, d), or none, at a time or at given targets."""
@@ -239,7 +239,7 @@ class PlaneBorder(SpaceBorder):
         place, turned, stress = np.empty_like(state.r), np.empty_like(state.q), np.empty((*sigma.shape[:2], 6 * LANES))
         place[:, self.plane.axes[2]] = self.plane.height
         planar.leave(*self._place, r, q, sigma, place, turned, stress)
-        return replace(state, r=place, q=turned, stress=(stress,))
+        return State(state.t, place, turned, (stress,), None, state.velocity, state.slope)
 
     def holds(self, t: float, targets: Targets | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if self.plane.watched:

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .errors import SceneError
+from .kernels.loads import loads_in_space
 from .kernels.rotation import (
     kardan_from_matrix,
     matrix_from_quaternion,
@@ -222,12 +223,12 @@ class Constraints:
 
     def _spatial(self, state: State, g: np.ndarray, nodes: np.ndarray) -> np.ndarray:
         """Force and moment in space (n, 6) of the residual at nodes: the moment M has the components h_i . M."""
-        loads = g[nodes]
-        H = self.space.spin_axes(state, nodes)
         if state.angles is None:
-            loads[:, 3:] = (H @ loads[:, 3:, None])[..., 0]
-        else:
-            loads[:, 3:] = np.linalg.solve(np.swapaxes(H, 1, 2), loads[:, 3:, None])[..., 0]
+            loads = np.empty((len(nodes), 6))
+            loads_in_space(nodes, state.q, g, loads)
+            return loads
+        loads, H = g[nodes], self.space.spin_axes(state, nodes)
+        loads[:, 3:] = np.linalg.solve(np.swapaxes(H, 1, 2), loads[:, 3:, None])[..., 0]
         return loads
 
     def in_unknowns(self, state: State, g: np.ndarray, held: Held) -> np.ndarray:

@@ -157,7 +157,7 @@ def write_parts(history: History, path: str | os.PathLike[str], parts: Sequence[
         X, faces = part.drawn_surface(extent)
         if not len(faces):
             continue
-        poses = [part.pose(float(t)) for t in history.t]
+        poses = [part.pose(float(t)) for t in history.stroke_t]
         points.append(np.array([X @ R.T + c for R, c in poses]))
         triangles.append(faces + n)
         index.append(np.full(len(faces), len(names), dtype=np.int32))
@@ -339,13 +339,21 @@ def write_reactions(history: History, path: str | os.PathLike[str]) -> None:
     write_csv(path, [_first_column(history), "support", "Fx", "Fy", "Fz", "Mx", "My", "Mz"], rows)
 
 
+def write_json(data: Any, path: str | os.PathLike[str]) -> None:
+    """Write a JSON file."""
+    text = json.dumps(data, indent=2) + "\n"
+    replace_file(pathlib.Path(path), lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
 def write_hinge_torque(history: History, path: str | os.PathLike[str]) -> None:
-    """CSV of the torque [N m] that each hinge's drive must supply, against time [s] and angle [deg]."""
+    """CSV of the torque [N m] that each hinge's drive must supply, against time [s] and angle [deg], and the sense in which
+    it turned to come there (1, -1; 0 if it never turns)."""
     rows = []
     for part in hinged_parts(history):
         angles, torque = np.degrees(history.hinge_angle(part)), history.hinge_torque(part)
-        rows += [[t, part.name, a, m] for t, a, m in zip(history.order, angles, torque, strict=True)]
-    write_csv(path, [_first_column(history), "part", "angle_deg", "torque"], rows)
+        sense = history.hinge_sense(part).tolist()
+        rows += [[t, part.name, a, m, d] for t, a, m, d in zip(history.order, angles, torque, sense, strict=True)]
+    write_csv(path, [_first_column(history), "part", "angle_deg", "torque", "sense"], rows)
 
 
 def _first_column(history: History) -> str:

@@ -22,14 +22,15 @@ from .export import UNITS
 PROGRAM = "cosserat_fem"
 RESULTS = ("reactions.csv", "hinge_torque.csv", "history.vtkhdf", "parts.vtkhdf")
 TOUCHING = ("contacts.csv", "contact_loads.csv")  # of a scene with contact
+DRIVEN = ("joint_model.json", "drive.csv")  # of hinges that turn both ways or have a drive
 IN_TIME = ("ledger.csv", "steps.csv", "frames.bin", "checkpoint.npz")  # of a run in time
 ALONG = ("path.csv", "modes.csv", "modes.vtkhdf")  # of a path; of vibrations
-FILES = ("scene.toml", *RESULTS, *TOUCHING, *IN_TIME, *ALONG, "history.pvd", "summary.json")
+FILES = ("scene.toml", *RESULTS, *TOUCHING, *DRIVEN, *IN_TIME, *ALONG, "history.pvd", "summary.json")
 LOCK = ".running"
 # names that we give in each folder; pictures of one state are called after the field that colours them
 NAMES = {
     "": "|".join(re.escape(name) for name in FILES),
-    "pictures": r"(reactions|hinge_torque|ledger|path)\.(png|svg)|(stages|moment)\.png|film\.(mp4|webp)"
+    "pictures": r"(reactions|hinge_torque|drive|ledger|path)\.(png|svg)|(stages|moment)\.png|film\.(mp4|webp)"
     rf"|({'|'.join(['shape', *UNITS])})_(last|-?\d+)\.png",
     "pvd": r"(rods|parts)_\d{5,}\.vtu",
 }

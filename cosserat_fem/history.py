@@ -34,7 +34,8 @@ class Record:
     """One accepted state: reactions (supports, 6), iterations, relative residual, negative eigenvalues or -1.
 
     Of a run in time also the rates, and the work [J] done since the start by each term and by driven ends. Of a model with
-    contact what each of its terms does; of a path of loads their factor.
+    contact what each of its terms does; of a path of loads their factor. On the way back of a travel the state stands at a
+    time that runs backwards, `state.t`, and `time` is the one that goes on.
     """
 
     state: State
@@ -46,6 +47,12 @@ class Record:
     work: dict[str, float] | None = None
     contact: tuple[Pressed, ...] = ()
     factor: float | None = None
+    time: float | None = None
+
+    @property
+    def t(self) -> float:
+        """When [s]: the time of the state, or where that has turned back the time that goes on."""
+        return self.state.t if self.time is None else self.time
 
 
 @dataclass(frozen=True)
@@ -99,6 +106,7 @@ class History:
     Attributes
     ----------
     t : (T,) [s]
+        Times that go on, also where parts and loads go back the way they came: they stand at `stroke_t`.
     status : "converged" or "stopped"
     message : str
         What happened, in words.
@@ -134,6 +142,11 @@ class History:
 
     @property
     def t(self) -> np.ndarray:
+        return np.array([record.t for record in self.records])
+
+    @property
+    def stroke_t(self) -> np.ndarray:
+        """Times (T,) [s] at which parts stand and loads act: `t`, but on the way back the times of the way out."""
         return np.array([record.state.t for record in self.records])
 
     @property
@@ -252,7 +265,18 @@ class History:
     def hinge_angle(self, part: Part | str) -> np.ndarray:
         """Angle (T,) [rad] of a part's hinge."""
         hinge = _hinge("hinge_angle", self.part(part))
-        return np.array([hinge.angle_at(t) for t in self.t])
+        return np.array([hinge.angle_at(t) for t in self.stroke_t])
+
+    def hinge_sense(self, part: Part | str) -> np.ndarray:
+        """In which sense (T,) a part's hinge turned to come to each state, 1 or -1; while it stands, as before; the first
+        state as the second; 0 if it never turns."""
+        sense = np.sign(np.diff(self.hinge_angle(part))).astype(int)
+        turning = np.flatnonzero(sense)
+        if not len(turning):
+            return np.zeros(len(self.records), dtype=int)
+        last = np.searchsorted(turning, np.arange(len(sense)), side="right") - 1
+        sense = sense[turning[np.maximum(last, 0)]]
+        return np.append(sense[0], sense)
 
     def pressed(self, name: str) -> list[Pressed]:
         """What one contact term does at each state, by its name."""
@@ -266,7 +290,7 @@ class History:
         """
         part = self.part(part)
         load = self._load_about_origin(part, name)
-        origin = np.array([part.pose(float(t))[1] for t in self.t]).reshape(-1, 3)
+        origin = np.array([part.pose(float(t))[1] for t in self.stroke_t]).reshape(-1, 3)
         load[:, 3:] -= np.cross(origin, load[:, :3])
         return load
 

@@ -330,9 +330,10 @@ class Run:
         before = dict(self.work)
         for now in found:
             self.state, self.rates, self.g, self.h = now.state, now.rates, now.g, now.h
-            shares = np.split(now.work[:-1], self._cuts) if self._names else []
-            for name, share in zip(self._names, shares, strict=True):
-                self.work[name] = before[name] + float(share.sum())
+            begin = 0
+            for name, end in zip(self._names, [*self._cuts, len(now.work) - 1], strict=False):
+                self.work[name] = before[name] + float(now.work[begin:end].sum())
+                begin = end
             self.work["driven ends"] = before["driven ends"] + float(now.work[-1])
             if now.keeps:
                 self._keep(now.iterations, now.residual)

@@ -8,7 +8,8 @@ once; facts worth a warning are kept in `warnings` and logged.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -330,6 +331,15 @@ class Model:
         if message not in self.warnings:
             self.warnings.append(message)
             log.warning("%s", message)
+
+    @contextmanager
+    def hushed(self) -> Iterator[None]:
+        """Warnings of states that are only tried go nowhere."""
+        self.warn = lambda message: None  # type: ignore[method-assign]
+        try:
+            yield
+        finally:
+            del self.warn
 
     def initial_state(self, t: float = 0.0) -> State:
         """The drawn shape at time t."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import pathlib
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,16 +19,16 @@ COLOURS = ("#0b6e99", "#d1495b", "#edae49", "#00798c", "#7a5195", "#555555")
 
 
 def read_table(path: pathlib.Path, key: str) -> dict[str, dict[str, np.ndarray]]:
-    """Columns of a CSV, split by the names in one of its columns."""
+    """Columns of a CSV, split by the names in one of its columns; NaN where a cell is empty."""
     with open(path, newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     names = dict.fromkeys(row[key] for row in rows)
     columns = [c for c in (rows[0] if rows else {}) if c != key]
-    return {n: {c: np.array([float(r[c]) for r in rows if r[key] == n]) for c in columns} for n in names}
+    return {n: {c: np.array([float(r[c] or "nan") for r in rows if r[key] == n]) for c in columns} for n in names}
 
 
 def plot_run(folder: pathlib.Path, out: pathlib.Path) -> list[pathlib.Path]:
-    """Write reactions and, where there are such, hinge_torque, ledger and path as svg and png; return their paths."""
+    """Write reactions and, where there are such, hinge_torque, drive, ledger and path as svg and png; return their paths."""
     reactions = read_table(folder / "reactions.csv", "support")
     torque = read_table(folder / "hinge_torque.csv", "part")
     made = []
@@ -35,6 +36,8 @@ def plot_run(folder: pathlib.Path, out: pathlib.Path) -> list[pathlib.Path]:
         made += save(_reactions(reactions, torque), out / "reactions")
     if torque:
         made += save(_torque(torque), out / "hinge_torque")
+    if (folder / "drive.csv").is_file():
+        made += save(_drive(read_table(folder / "drive.csv", "part")), out / "drive")
     if (folder / "ledger.csv").is_file():
         made += save(_ledger(folder / "ledger.csv"), out / "ledger")
     if (folder / "path.csv").is_file():
@@ -85,15 +88,67 @@ def _reactions(reactions: dict[str, dict[str, np.ndarray]], torque: dict[str, di
 
 
 def _torque(torque: dict[str, dict[str, np.ndarray]]) -> Figure:
-    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
-    ax = figure.subplots()
+    """Torque over the angle, out and back, and what lies between the two."""
+    bands = {name: band for name, table in torque.items() if (band := _band(table)) is not None}
+    figure = Figure(figsize=(6.4, 6.0 if bands else 4.0), layout="constrained")
+    heights = [2, 1] if bands else [1]
+    axes = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0]
     for (name, table), colour in zip(torque.items(), COLOURS * len(torque), strict=False):
-        ax.plot(table["angle_deg"], table["torque"], color=colour, label=name, **_marker(table["angle_deg"]))
-    ax.axhline(0, color="black", lw=0.6)
-    ax.set_xlabel("hinge angle [deg]")
-    ax.set_ylabel("torque the drive must supply [N m]")
-    ax.grid(alpha=0.3)
-    ax.legend()
+        for k, (rows, style) in enumerate(_ways(table)):
+            label = name if name not in bands else f"{name}, {'out' if style == '-' else 'back'}"
+            angle, value = table["angle_deg"][rows], table["torque"][rows]
+            axes[0].plot(angle, value, style, color=colour, label=label if k < 2 else None, **_marker(angle))
+        if name in bands:
+            axes[1].plot(*bands[name], color=colour, label=name)
+    for ax in axes:
+        ax.axhline(0, color="black", lw=0.6)
+        ax.grid(alpha=0.3)
+    axes[0].set_ylabel("torque the drive must supply [N m]")
+    axes[0].legend()
+    if bands:
+        axes[1].set_ylabel("out minus back [N m]")
+    axes[-1].set_xlabel("hinge angle [deg]")
+    return figure
+
+
+def _ways(table: dict[str, np.ndarray]) -> list[tuple[slice, str]]:
+    """Rows of each way of a hinge, with the state at which it turned, and how its line is drawn: out solid, back dashed."""
+    sense = table["sense"]
+    cuts = [0, *np.flatnonzero(np.diff(sense)).tolist(), len(sense) - 1]
+    return [(slice(a, b + 1), "-" if sense[b] == sense[0] else "--") for a, b in pairwise(cuts) if b > a or b == 0]
+
+
+def _band(table: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray] | None:
+    """Angles [deg] and torque out minus back there, of the first two ways of a hinge; None if it goes one way."""
+    ways = [table["angle_deg"][rows].argsort() + rows.start for rows, _ in _ways(table)[:2]]
+    if len(ways) < 2:
+        return None
+    angle, torque = table["angle_deg"], table["torque"]
+    low, high = max(angle[w[0]] for w in ways), min(angle[w[-1]] for w in ways)
+    grid = np.unique(np.concatenate([angle[w] for w in ways]))
+    grid = grid[(grid >= low) & (grid <= high)]
+    there, back = (np.interp(grid, angle[w], torque[w]) for w in ways)
+    return grid, there - back
+
+
+def _drive(table: dict[str, dict[str, np.ndarray]]) -> Figure:
+    """What drives must have and have, over the angle."""
+    figure = Figure(figsize=(6.4, 3.4 * len(table)), layout="constrained")
+    for ax, (name, drive) in zip(figure.subplots(len(table), 1, squeeze=False)[:, 0], table.items(), strict=True):
+        sense = drive["sense"]
+        for k, rows in enumerate(np.split(np.arange(len(sense)), np.flatnonzero(np.diff(sense)) + 1)):
+            way, style = ("out", "-") if sense[rows[0]] == sense[0] else ("back", "--")
+            angle = drive["angle_deg"][rows]
+            ax.plot(
+                angle, drive["required"][rows], style, color=COLOURS[0], label=f"required, {way}" if k < 2 else None
+            )
+            if k == 0:
+                ax.plot(angle, drive["available"][rows], color=COLOURS[1], label="available")
+        ax.set_title(f"drive of {name}", fontsize=10, loc="left")
+        ax.set_xlabel("hinge angle [deg]")
+        ax.set_ylabel("torque in the sense of motion [N m]")
+        ax.grid(alpha=0.3)
+        ax.legend(fontsize=8)
     return figure
 
 

@@ -69,12 +69,12 @@ def to_accuracy(model: Model, accuracy: float, times: np.ndarray, run: Run, star
     few = times[np.unique(np.linspace(0, len(times) - 1, min(len(times), PILOT_STATIONS)).round().astype(int))]
     history = _pilot(model, few, run, start)
     spent, travels, target = history.counters.iterations, 1, SAFETY * accuracy
+    whole = len(few) == len(times)
     while True:
         if history.status == "stopped":
             return history
         judged = Judged(history)
         spent += judged.iterations
-        whole = len(history) == len(times)
         if whole and (judged.error <= ACCEPTED * accuracy or travels == TRAVELS):
             break
         if whole and len(times) > 1 and np.isfinite(judged.error):
@@ -90,7 +90,7 @@ def to_accuracy(model: Model, accuracy: float, times: np.ndarray, run: Run, star
         if first is not None and first.t != times[0]:
             first = None
         history = run(judged.history.model, times, first)
-        spent, travels = spent + history.counters.iterations, travels + 1
+        spent, travels, whole = spent + history.counters.iterations, travels + 1, True
     meshes = {rod.name: (len(v.mesh.ends) - 1, v.mesh.order) for rod, v in history.model.space.views.items()}
     history.chosen = Chosen(accuracy, judged.error, meshes, travels, spent)
     history.message = f"{history.message}; {history.chosen}" if history.message else str(history.chosen)

@@ -24,6 +24,7 @@ from typing import Any
 
 from .accuracy import add_errors
 from .continuation import STEPS, trace_path
+from .drive import describe_drive, turns_back, write_drives, write_joint_models
 from .dynamics import RigidVelocity, solve_dynamic
 from .errors import ConvergenceError, CosseratError, SceneError, one_line, out_of_memory
 from .export import (
@@ -40,7 +41,7 @@ from .export import (
     write_shapes,
     write_steps,
 )
-from .folder import PROGRAM, RESULTS, TOUCHING, RunFolder
+from .folder import DRIVEN, PROGRAM, RESULTS, TOUCHING, RunFolder
 from .frames import CHECKPOINT, FRAMES, FrameFile, read_checkpoint, read_frames, with_terms, write_checkpoint
 from .history import History, Record
 from .integrator import AdaptiveStep, Checkpoint, FixedStep, Run
@@ -49,7 +50,7 @@ from .model import Model
 from .scene import Scene, load_scene
 from .space import State
 from .statics import solve_quasistatic, solve_static
-from .summary import describe, describe_modes, out_of_plane
+from .summary import describe, describe_modes, describe_peaks, out_of_plane
 from .theories import Comparison, compare_theories
 from .vibration import Modes, modes
 
@@ -104,6 +105,12 @@ class Outcome:
     written: tuple[str, ...] = ()
     complete: bool = False  # every result of the history is on the disk
     by_chance: bool = False
+    verdicts: dict[str, dict[str, Any]] = field(default_factory=dict)  # on drives, by part
+
+    @property
+    def violated(self) -> bool:
+        """True if not everything that was to be judged is safe."""
+        return any(said["verdict"] != "SAFE" for said in self.verdicts.values())
 
 
 def run_scene(
@@ -192,7 +199,9 @@ def run_scene(
     if writer.complete and not reason:
         for name in (FRAMES, CHECKPOINT):
             (out.path / name).unlink(missing_ok=True)
-    return Outcome(out.path, history, reason, tuple(writer.written), writer.complete, by_chance)
+    return Outcome(
+        out.path, history, reason, tuple(writer.written), writer.complete, by_chance, writer.verdicts
+    )  # fmt: skip
 
 
 def resume_scene(
@@ -258,13 +267,13 @@ def _solve(
 
     def callback(k: int, state: State) -> bool | None:
         nonlocal asked
-        asked = progress is not None and bool(progress(k + 1, len(scene.times)))
+        asked = progress is not None and bool(progress(k + 1, scene.stations))
         return asked
 
     table = scene.tables.solve
     history = solve_quasistatic(
-        scene.model, scene.times, start=start, past_limits=table.past_limits, callback=callback,
-        accuracy=table.accuracy,
+        scene.model, scene.times, start=start, past_limits=table.past_limits, callback=callback, accuracy=table.accuracy,
+        travel=table.travel, resolution=scene.resolution(),
     )  # fmt: skip
     if asked:
         history.status, history.message = "stopped", f"asked to stop at t = {history.t[-1]:g} s"
@@ -412,6 +421,7 @@ class _Writer:
         self.written: list[str] = []
         self.complete = False
         self.modes: Modes | None = None
+        self.verdicts: dict[str, dict[str, Any]] = {}
 
     def text(self, name: str, text: str) -> None:
         replace_file(self.folder / name, lambda path: path.write_text(text, encoding="utf-8"))
@@ -429,6 +439,9 @@ class _Writer:
             named |= dict(zip(TOUCHING, (write_contacts, write_contact_loads), strict=True))
         if history.dynamic:
             named |= {"ledger.csv": write_ledger, "steps.csv": write_steps}
+        if self.scene.drives or turns_back(history):
+            driven = write_joint_models, partial(write_drives, drives=self.scene.drives)
+            named |= dict(zip(DRIVEN[: 2 if self.scene.drives else 1], driven, strict=False))
         if history.path:
             named["path.csv"] = write_path
         for name, write in named.items():
@@ -477,9 +490,12 @@ class _Writer:
             if self.keep.errors:
                 with self.phases.measure("estimate"):
                     try:
-                        data["discretisation"] = add_errors(data, history, describe, parts)
+                        data["discretisation"] = add_errors(data, history, describe_peaks, parts)
                     except MemoryError as error:
                         data["discretisation"] = {"not_found": out_of_memory(error)}
+            for drive in self.scene.drives:
+                self.verdicts[drive.part.name] = describe_drive(history, drive)
+                data["hinges"][drive.part.name]["drive"] = self.verdicts[drive.part.name]
             if self.modes is not None:
                 data["vibrations"] = describe_modes(self.modes)
             if self.scene.tables.solve.out_of_plane and self.scene.model.plane is not None:

@@ -195,7 +195,7 @@ class State:
     contact: Contact | None = None
 
     def at_time(self, t: float) -> State:
-        return replace(self, t=t)
+        return State(t, self.r, self.q, self.stress, self.angles, self.velocity, self.slope, self.contact)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from .arclength import FIRST, Path, Time
 from .errors import ConvergenceError, SceneError, check_integer, check_number, check_shape
 from .history import History, Record
 from .kernels.rotation import multiply, quaternion_from_vector, relative_rotation
+from .march import Clock, March, Resolution
 from .model import Model
 from .newton import Newton, Solved
 from .refine import check_accuracy, to_accuracy
@@ -100,6 +102,8 @@ def solve_quasistatic(
     past_limits: bool = False,
     callback: Callable[[int, State], bool | None] | None = None,
     accuracy: float | None = None,
+    travel: Literal["out", "both"] = "out",
+    resolution: Resolution | None = None,
 ) -> History:
     """Follow the parts and loads through equilibria at the given times.
 
@@ -116,10 +120,17 @@ def solve_quasistatic(
         Called after each station; return True to stop there.
     accuracy : optional
         As for `solve_static`; the callback is then called in whole travels only.
+    travel : "out" or "both"
+        "both": to the last time and back the same way, through the same stations. Times go on: on the way back parts stand
+        and loads act as at 2 * times[-1] - t. What contact remembers of friction goes along.
+    resolution : Resolution, optional
+        Also find stations between these, so that the curves of torques, reactions and what else is watched are resolved and
+        no peak is stepped over; see `march`.
 
     Returns
     -------
-    History with one state for each time; `critical` holds limit points that were met; with `accuracy` as for `solve_static`.
+    History with one state for each time, and those that `resolution` asked for; `critical` holds limit points that were met;
+    with `accuracy` as for `solve_static`.
 
     Raises
     ------
@@ -132,11 +143,17 @@ def solve_quasistatic(
     if (np.diff(times) <= 0).any():
         k = int(np.flatnonzero(np.diff(times) <= 0)[0])
         raise ValueError(f"solve_quasistatic: times must increase (got {times[k]:g} s followed by {times[k + 1]:g} s).")
+    if travel not in ("out", "both"):
+        raise ValueError(f"solve_quasistatic: travel must be 'out' or 'both' (got {travel!r}).")
+    if travel == "both" and len(times) == 1:
+        raise ValueError("solve_quasistatic: travel = 'both' needs at least two times.")
     if accuracy is not None:
 
         def run(model: Model, some: np.ndarray, start: State | None) -> History:
-            told = callback if len(some) == len(times) else None
-            return solve_quasistatic(model, some, start=start, past_limits=past_limits, callback=told)
+            told = (callback, resolution) if len(some) == len(times) else (None, None)
+            return solve_quasistatic(
+                model, some, start=start, past_limits=past_limits, callback=told[0], travel=travel, resolution=told[1]
+            )
 
         return to_accuracy(model, check_accuracy("solve_quasistatic", accuracy), times, run, start)
     _check_supports(model)
@@ -144,30 +161,46 @@ def solve_quasistatic(
     history = History(model)
     newton = Newton(model)
     history.counters = newton.counters
-    before: State | None = None
-    path: Path | None = None  # looked at between stations, where that can be done
-    if len(times) > 1 and not model.contacts and model.rotation == "quaternion" and model.theory != "string":
-        path = Path(newton, Time(model, float(times[0]), float(times[-1])))
+    clock = Clock()
+    if travel == "both":
+        clock = Clock(float(times[-1]))
+        times = np.append(times, 2.0 * times[-1] - times[-2::-1])
     try:
         state = _start(newton, history, start, float(times[0]))
-        solved = newton.accepted(_equilibrium(newton, state, history))
-        _append(history, solved)
-        for k in range(len(times)):
-            if k > 0:
-                way = (before, history.final)
-                solved, before = _travel(newton, history, before, float(times[k]))
-                if path is not None:
-                    solved = _watched(path, history, way, solved, past_limits)
-                _append(history, solved)
-            if callback is not None and callback(k, solved.state):
-                history.status, history.message = "stopped", f"stopped by the caller at t = {times[k]:g} s"
-                return history
+        _append(history, newton.accepted(_equilibrium(newton, state, history)))
+        march = March(history, times, clock, _Step(newton, clock, times, past_limits), resolution)
+        if march.run(lambda k, record: callback is not None and callback(k, record.state)):
+            history.status, history.message = "stopped", f"stopped by the caller at t = {history.t[-1]:g} s"
+            return history
     except KeyboardInterrupt:  # what was found is not lost
         if not len(history):
             raise
         history.status, history.message = "stopped", f"interrupted after t = {history.t[-1]:g} s"
         return history
     return _finish(history)
+
+
+class _Step:
+    """From the last state of a history to a later time."""
+
+    def __init__(self, newton: Newton, clock: Clock, times: np.ndarray, past_limits: bool) -> None:
+        self.newton, self.clock, self.past_limits = newton, clock, past_limits
+        self.passed: tuple[State | None, State | None] = (None, None)  # the last one found, and the one before it
+        self.path: Path | None = None  # looked at between stations, where that can be done
+        model = newton.model
+        if len(times) > 1 and not model.contacts and model.rotation == "quaternion" and model.theory != "string":
+            self.path = Path(newton, Time(model, float(times[0]), min(float(times[-1]), clock.turn)))
+
+    def __call__(self, history: History, t: float, tried: bool = False) -> Record:
+        last = history.final
+        before = history.records[-2].state if len(history) > 1 else None
+        if self.passed[0] is last:
+            before = self.passed[1]
+        solved, reached = _travel(self.newton, history, before, self.clock.at(t))
+        if self.path is not None and not tried:
+            solved = _watched(self.path, history, (before, last), solved, self.past_limits)
+        self.passed = solved.state, reached
+        return _record(solved, t)
 
 
 def _start(newton: Newton, history: History, start: State | None, t: float) -> State:
@@ -244,7 +277,7 @@ def _travel(newton: Newton, history: History, before: State | None, t: float) ->
         if abs(wanted[0] - state.t) < 1.5 * shortest:
             solved = newton.guarded(state.at_time(wanted[0]))
             if not solved.converged:
-                raise _failure(model, history, solved, f"on the way to t = {t:g} s, {len(history)} stations are kept")
+                raise _failure(model, history, solved, f"on the way to t = {t:g} s; what was found before is kept")
             continue
         wanted.insert(0, 0.5 * (state.t + wanted[0]))
 
@@ -375,16 +408,20 @@ def _check_supports(model: Model) -> None:
 
 
 def _append(history: History, solved: Solved) -> None:
-    history.records.append(
-        Record(
-            solved.state, solved.reactions, solved.iterations, solved.residual, solved.negative, contact=solved.pressed
-        )
-    )
+    history.records.append(_record(solved, solved.state.t))
+
+
+def _record(solved: Solved, t: float) -> Record:
+    """The state that was found, at time t."""
+    return Record(
+        solved.state, solved.reactions, solved.iterations, solved.residual, solved.negative, contact=solved.pressed,
+        time=None if t == solved.state.t else t,
+    )  # fmt: skip
 
 
 def _finish(history: History) -> History:
     """Say how it went."""
-    unstable = [f"{r.state.t:g}" for r in history.records if r.negative > 0]
+    unstable = [f"{r.t:g}" for r in history.records if r.negative > 0]
     if unstable:
         more = f" and {len(unstable) - 5} more" if len(unstable) > 5 else ""
         history.model.warn(

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from .checks import bend_radius, clearance, distance_from_drawing, worst
+from .drive import as_peaks, describe_torque
 from .export import hinged_parts
 from .history import History
 from .mechanism import Hinge, Part
@@ -70,6 +71,14 @@ def flat(data: Any, path: str = "") -> dict[str, Any]:
 def size(path: str, value: float) -> float:
     """A result as limits and correlations see it: what is called largest counts by its size, whatever its direction."""
     return abs(float(value)) if ".largest_" in path else float(value)
+
+
+def describe_peaks(history: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
+    """As `describe`, of one state that takes the place of every peak in turn: to be compared with the peak."""
+    said = describe(history, parts)
+    for part in hinged_parts(history):
+        said["hinges"][part.name] |= as_peaks(history, part)
+    return said
 
 
 def _describe_path(history: History) -> dict[str, Any]:
@@ -182,6 +191,7 @@ def _describe_hinge(history: History, part: Any) -> dict[str, Any]:
         "axis": hinge.axis.tolist(),
         "largest_torque": {"value": float(torque[k]), "angle_deg": float(angle[k]), "t": float(history.t[k])},
         "last_torque": float(torque[-1]),
+        **describe_torque(history, part),
     }
 
 

@@ -175,7 +175,7 @@ def test_csv(run):
     np.testing.assert_array_equal(found, history.reaction("a.start@arm"))
     with open(folder / "hinge_torque.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert list(rows[0]) == ["time", "part", "angle_deg", "torque"]
+    assert list(rows[0]) == ["time", "part", "angle_deg", "torque", "sense"]
     np.testing.assert_array_equal([float(r["torque"]) for r in rows], history.hinge_torque("arm"))
     np.testing.assert_allclose([float(r["angle_deg"]) for r in rows], [0, 10, 20])
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import bend_radius
+from ..drive import describe_drive
 from ..errors import ConvergenceError, SceneError, nearest
 from ..history import History
 from ..model import Model
@@ -150,6 +151,8 @@ class Trials:
             raise OutOfRuns
         self.iterations += history.counters.iterations
         said = describe(history, self._parts)
+        for drive in scene.drives:
+            said["hinges"][drive.part.name]["drive"] = describe_drive(history, drive)
         results = {path: size(path, value) for path, value in (flat(said) | changes).items() if _is_number(value)}
         self._check_names(results, said)
         margins = tuple(limit.margin(_value(results, limit.result)) for limit in self.limits)

@@ -108,3 +108,18 @@ def add_loads(nodes, R, force, moment, kinds, each, g, nodal):
             if tangent:
                 for j in range(6):
                     nodal[k, i, j] += K[i, j]
+
+
+@kernel
+def loads_in_space(nodes, q, g, out):
+    """Force and moment out (n, 6) in space of a residual g (N, 6), moments about the section's axes, at nodes (n,)."""
+    for m in range(nodes.shape[0]):
+        k = nodes[m]
+        w, x, y, z = q[k, 0], q[k, 1], q[k, 2], q[k, 3]
+        a, b, c = g[k, 3], g[k, 4], g[k, 5]
+        d0, d1, d2 = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)  # v + w d + u x d
+        for i in range(3):
+            out[m, i] = g[k, i]
+        out[m, 3] = a + w * d0 + y * d2 - z * d1
+        out[m, 4] = b + w * d1 + z * d0 - x * d2
+        out[m, 5] = c + w * d2 + x * d1 - y * d0

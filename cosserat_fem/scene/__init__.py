@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import pathlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from typing import Any
@@ -16,8 +16,10 @@ from typing import Any
 import numpy as np
 
 from ..continuation import STEPS
+from ..drive import Drive
 from ..dynamics import check_dynamic
 from ..errors import SceneError
+from ..march import Resolution, Watch
 from ..mechanism import Part
 from ..model import Model
 from ..refine import check_accuracy
@@ -41,7 +43,7 @@ class Scene:
 
     parts: all of them, also those that hold no rod and are not in the model.
     times (T,) [s]: stations of a quasi-static run, kept states of a run in time; the one time of a static run; first and
-    last time of a path. loads: those that a path multiplies.
+    last time of a path. loads: those that a path multiplies. drives: what turns hinges.
     """
 
     source: Source
@@ -51,6 +53,7 @@ class Scene:
     times: np.ndarray
     contact_of: Callable[[str], Path] = field(repr=False)
     loads: tuple[Term, ...] = ()
+    drives: tuple[Drive, ...] = ()
 
     @property
     def title(self) -> str:
@@ -63,8 +66,18 @@ class Scene:
 
     @property
     def stations(self) -> int:
-        """How many states the run finds, at most."""
-        return (self.tables.solve.steps or STEPS) if self.tables.solve.kind == "path" else len(self.times)
+        """How many states are asked of the run, at most."""
+        if self.tables.solve.kind == "path":
+            return self.tables.solve.steps or STEPS
+        return 2 * len(self.times) - 1 if self.tables.solve.travel == "both" else len(self.times)
+
+    def resolution(self, watch: Sequence[Watch] = (), *, wanted: bool = False) -> Resolution | None:
+        """How finely a quasi-static run looks between its stations: as `[solve] resolution` says, else half a degree for a
+        travel both ways, with a drive, or where it is wanted. watch: numbers to resolve besides."""
+        given = self.tables.solve.resolution
+        if given is False or (given is None and not wanted and not self.drives and self.tables.solve.travel != "both"):
+            return None
+        return Resolution(watch=watch) if given is None else Resolution(float(given), watch=watch)
 
     @property
     def cases(self) -> list[dict[str, Any]]:
@@ -131,7 +144,10 @@ def build_scene(source: Source) -> Scene:
     times = _times(source, tables)
     _check_run(builder, model, times)
     loads = tuple(load for k, load in builder.loads.items() if not tables.load[k].constant)
-    return Scene(source, tables, model, tuple(builder.parts.values()), times, builder.contact_of, loads)
+    return Scene(
+        source, tables, model, tuple(builder.parts.values()), times, builder.contact_of, loads,
+        tuple(builder.drives.values()),
+    )  # fmt: skip
 
 
 def changed_scene(source: Source, values: Mapping[str, Any]) -> Scene:
@@ -157,6 +173,11 @@ def _times(source: Source, tables: SceneTables) -> np.ndarray:
         if key in given:
             more = "; use t" if solve.kind == "static" and kind == "quasistatic" else ""
             faults.append(source.fault(("solve", key), f'{key} is for kind = "{kind}"{more}.'))
+    if solve.resolution is not None and solve.resolution is not False and not solve.resolution > 0:
+        got = f"(got {solve.resolution:g} rad)"
+        faults.append(source.fault(("solve", "resolution"), f"resolution must be false or greater than 0 {got}."))
+    if solve.travel == "both" and solve.times is not None and len(solve.times) == 1:
+        faults.append(source.fault(("solve", "travel"), 'travel = "both" needs at least two times.'))
     if solve.modes is not None and solve.modes < 1:
         faults.append(source.fault(("solve", "modes"), f"modes must be at least 1 (got {solve.modes})."))
     if solve.rotation == "kardan" and (solve.kind == "path" or solve.modes is not None):

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ..drive import Drive, Line
 from ..errors import KardanError, MeshError, SceneError, nearest
 from ..mechanism import GROUND, Hinge, Part, Path, Slider
 from ..model import Model
@@ -83,6 +84,8 @@ class Builder:
         self.contacts: dict[tuple[int, str], Term] = {}  # by table, and by rod if each has a term of its own
         self._touching: dict[tuple[str, str], int] = {}
         self._each("contact", tables.contact, self._contact, {})
+        self.drives: dict[int, Drive] = {}
+        self._each("drive", tables.drive, self._drive, self.drives)
         if tables.solve.rotation == "kardan" and tables.contact:
             reason = 'contact needs rotation = "quaternion".'
             self.faults.append(source.fault(("solve", "rotation"), reason))
@@ -184,7 +187,9 @@ class Builder:
         entry = self.source.value(path)
         # "rod 'a': length: must be greater than 0 (got -1)." -> key "length", the rest
         text = re.sub(
-            r"^(section|rod|part|clamp|pin|weld|support|point load|line load)( on rod)?( '[^']*')?: ", "", message
+            r"^(section|rod|part|clamp|pin|weld|support|point load|line load|drive)( on rod| of)?( '[^']*')?: ",
+            "",
+            message,
         )
         text = re.sub(r"^contact of rods?( .+?)?: ", "", text)
         text = re.sub(r"^path: motion file", "motion file", text)
@@ -448,6 +453,43 @@ class Builder:
                 given["profile"] = self._profile(rod, *table.profile)
             return LineLoad(rod, **given)
         return PointLoad(rod, given.pop("at"), **given)
+
+    def _drive(self, table: Any, path: lines.Path) -> Drive | None:
+        if self.tables.solve.kind in ("static", "path"):
+            raise ValueError('a drive turns its hinge: kind = "quasistatic" or "dynamic".')
+        part = self._find(self.parts, self.tables.part, table.part, "part", (*path, "part"))
+        if table.part == "ground":
+            raise ValueError("part: 'ground' does not turn.")
+        if part is None:
+            return None
+        first = next(k for k, other in enumerate(self.tables.drive) if other.part == table.part)
+        if first != path[1]:
+            line = self.source.lines.line_of(("drive", first))
+            raise ValueError(f'part: "{table.part}" has a drive already, in line {line}.')
+        supports = [h.to for h in self.supports.values() if isinstance(h, Support)]
+        if part not in [*supports, *(getattr(term, "part", None) for term in self.contacts.values())]:
+            raise ValueError(f'part: "{table.part}" holds and touches no rod, so that nothing is asked of its drive.')
+        made = [self._line(entry, (*path, "lines", k)) for k, entry in enumerate(table.lines)]
+        if None in made:
+            return None
+        return Drive(part, table.torque, table.uncertainty, table.motorisation, tuple(filter(None, made)))
+
+    def _line(self, table: Any, path: lines.Path) -> Line | None:
+        """One line of the budget of a drive."""
+        names, where = [rod.name for rod in self.tables.rod], f"lines[{path[-1]}]"
+        if table.torque is None and table.name not in names:
+            reason = f'rod "{table.name}" does not exist, and no torque is given. {nearest(table.name, names)}'
+            self.faults.append(self.source.fault(path, f"{where}: {reason}"))
+        elif table.torque is not None and table.name in names:
+            reason = f'"{table.name}" is a rod, its torque is what the run finds. Leave torque out.'
+            self.faults.append(self.source.fault(path, f"{where}: {reason}"))
+        else:
+            try:
+                return Line(**table.model_dump())
+            except ValueError as error:
+                text = re.sub(r"^line '[^']*': ", "", str(error))
+                self.faults.append(self.source.fault(path, f"{where}.{text}"))
+        return None
 
     @staticmethod
     def _profile(rod: Rod, places: list[Any], factors: list[float]) -> tuple[np.ndarray, list[float]]:

@@ -112,6 +112,21 @@ def _until(value: Any) -> Any:
     return value if value == "critical" else parse(value, "time")
 
 
+def _over_angle(value: Any) -> Any:
+    if not isinstance(value, list):
+        return parse(value, "moment")
+    if len(value) != 2 or not all(isinstance(entries, list) for entries in value):
+        raise ValueError("must be a moment or [[angles], [moments]]")
+    angles, moments = _numbers(value[0], "angle", 1), _numbers(value[1], "moment", 1)
+    if len(angles) != len(moments):
+        raise ValueError(f"has {len(angles)} angles but {len(moments)} moments")
+    return angles, moments
+
+
+def _resolution(value: Any) -> Any:
+    return value if value is None or value is False else parse(value, "angle")
+
+
 def _profile(value: Any) -> Any:
     if not isinstance(value, list) or len(value) != 2 or not all(isinstance(entries, list) for entries in value):
         raise ValueError("must be [[places], [factors]]")
@@ -431,6 +446,8 @@ class SolveTable(Table):
     times: list[quantity("time")] | None = None
     rotation: Literal["quaternion", "kardan"] = "quaternion"
     theory: Literal["cosserat", "kirchhoff", "string"] = "cosserat"
+    travel: Literal["out", "both"] = "out"
+    resolution: custom(_resolution, "false, or an angle") | None = None
     past_limits: Flag = False
     modes: Integer | None = None
     along: Literal["loads", "time"] = "loads"
@@ -446,6 +463,24 @@ class SolveTable(Table):
     dt: quantity("time") | None = None
     richardson: Flag = False
     accuracy: quantity("number") | None = None
+
+
+class DriveLineTable(Table):
+    """One line of a torque budget."""
+
+    name: Name
+    torque: quantity("moment") | None = None
+    uncertainty: quantity("number") = 3.0
+
+
+class DriveTable(Table):
+    """What turns a hinge."""
+
+    part: Name
+    torque: custom(_over_angle, "moment, or [[angles], [moments]]")
+    uncertainty: quantity("number") = 3.0
+    motorisation: quantity("number") = 2.0
+    lines: list[DriveLineTable] = []
 
 
 class OutputTable(Table):
@@ -528,6 +563,7 @@ class SceneTables(Table):
     drag: list[DragTable] = []
     electrostatic: list[ElectrostaticTable] = []
     contact: list[Annotated[PartContactTable | RodContactTable, Field(discriminator="kind")]] = []
+    drive: list[DriveTable] = []
     solve: SolveTable
     output: OutputTable = OutputTable()
     sweep: SweepTable | None = None

@@ -65,7 +65,7 @@ def foreign(kind: str) -> dict[str, str]:
     if kind != "path":
         keys |= dict.fromkeys(ALONG, "path")
     if kind != "quasistatic":
-        keys |= {"past_limits": "quasistatic"}
+        keys |= dict.fromkeys(("past_limits", "travel", "resolution"), "quasistatic")
     if kind == "dynamic":
         keys |= {"modes": "static"}
     return keys

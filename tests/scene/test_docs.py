@@ -38,6 +38,8 @@ CHAPTERS = {
     'Contact `kind = "part"`': tables.PartContactTable,
     'Contact `kind = "rods"`': tables.RodContactTable,
     "Start velocity": tables.VelocityTable,
+    "Drive": tables.DriveTable,
+    "Line of a drive": tables.DriveLineTable,
     "Solve": tables.SolveTable,
     "Output": tables.OutputTable,
     "Sweep": tables.SweepTable,

@@ -693,3 +693,34 @@ def test_theory_and_accuracy_of_a_scene(tmp_path):
     assert summary["physics"]["chosen"]["asked"] == 1e-6
     assert summary["physics"]["chosen"]["estimate"] <= 1e-6
     assert cf.load_scene(outcome.folder / "scene.toml").tables.solve.accuracy == 1e-6
+
+
+def test_there_and_back(tmp_path):
+    """A travel both ways has its stations twice and looks between them, unless it is told not to."""
+    both = change('duration = "2 s"', 'duration = "2 s"\ntravel = "both"')
+    scene = cf.load_scene(write(tmp_path, both))
+    assert scene.stations == 9
+    assert scene.resolution().turn == pytest.approx(np.radians(0.5))
+    for text, wanted in (("false", None), ('"2 deg"', np.radians(2))):
+        scene = cf.load_scene(write(tmp_path, both.replace("[output]", f"resolution = {text}\n\n[output]")))
+        found = scene.resolution()
+        assert (found and found.turn) == (wanted and pytest.approx(wanted))
+        again = cf.load_scene(write(tmp_path, scene.resolved(), "again.toml"))
+        assert again.resolved() == scene.resolved()
+    assert cf.load_scene(write(tmp_path, GOOD)).resolution() is None
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('travel = "back"', "travel must be one of 'out' or 'both' (got \"back\")."),
+        ("resolution = 0", "resolution must be false or greater than 0 (got 0 rad)."),
+        ('resolution = "-1 deg"', "resolution must be false or greater than 0"),
+        ('resolution = "1 mm"', "resolution"),
+        ("resolution = true", "resolution"),
+    ],
+)
+def test_faults_of_a_travel(tmp_path, text, message):
+    [fault] = faults(tmp_path, change('duration = "2 s"', f'duration = "2 s"\n{text}'))
+    assert message in fault
+    assert f":{GOOD[: GOOD.index('duration =')].count(chr(10)) + 2}: " in fault
