@@ -11,6 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 _HOMES = {
     "Section": "section",
+    "Material": "buildup",
+    "Cable": "buildup",
+    "Strands": "buildup",
+    "Cables": "buildup",
+    "Tube": "buildup",
+    "Braid": "buildup",
+    "Tape": "buildup",
+    "build_up": "buildup",
+    "cable_named": "catalogue",
+    "catalogue_section": "catalogue",
+    "material": "catalogue",
     "Rod": "rod",
     "Part": "mechanism",
     "GROUND": "mechanism",
@@ -53,8 +64,11 @@ _HOMES = {
     "FixedStep": "integrator",
     "RigidVelocity": "dynamics",
     "bend_radius": "checks",
-    "clearance": "checks",
+    "clearance": "gaps",
     "distance_from_drawing": "checks",
+    "Limit": "limits",
+    "Verdict": "verdicts",
+    "check": "verdicts",
     "compare_theories": "theories",
     "to_pyvista": "export",
     "to_meshio": "export",
@@ -76,14 +90,18 @@ __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
     from .arclength import CriticalPoint
-    from .checks import bend_radius, clearance, distance_from_drawing
+    from .buildup import Braid, Cable, Cables, Material, Strands, Tape, Tube, build_up
+    from .catalogue import cable_named, catalogue_section, material
+    from .checks import bend_radius, distance_from_drawing
     from .continuation import critical_load, trace_path
     from .curve import CurveGeometry, curve_geometry, rebuild_curve
     from .dynamics import RigidVelocity, solve_dynamic
     from .errors import ConvergenceError, CosseratError, KardanError, MeshError, SceneError
     from .export import to_meshio, to_pyvista
+    from .gaps import clearance
     from .history import History
     from .integrator import AdaptiveStep, FixedStep
+    from .limits import Limit
     from .march import Resolution, Watch
     from .mechanism import GROUND, Hinge, Part, Path, Slider
     from .model import Model
@@ -99,6 +117,7 @@ if TYPE_CHECKING:
     from .surface import Surface
     from .terms import Damping, Drag, Electrostatic, Gravity, LineLoad, PartContact, PointLoad, RodContact
     from .theories import compare_theories
+    from .verdicts import Verdict, check
     from .vibration import Modes, modes
 
 

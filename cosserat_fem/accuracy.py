@@ -67,6 +67,9 @@ class Richer:
     def _solve(self, k: int) -> None:
         record = self.history.records[k]
         newton = self.newton
+        if record.factor is not None:
+            newton = Newton(self.model.with_factor(record.factor, self.history.loads))
+            newton.counters = self.newton.counters
         try:
             solved = newton.plain(self.transfer.with_contact(record.state))
             if solved.converged:
@@ -118,16 +121,20 @@ def add_errors(
     said: what `describe(history, parts)` says; it is changed. Returns how it was found.
 
     The error of a peak is |value at its station on richer elements - value|, in the unit of the value; None where no richer
-    state was found. Of a run in time it is the sum of "error_elements" and "error_steps". A value that is nothing but
-    round-off beside its like is its own error. Each rod gets "position_error", the largest estimated error of the elements
+    state was found. Of a run in time it is the sum of "error_elements" and "error_steps". Along a path, where a time may be
+    that of several states, only a peak with a "station" gets one. A value that is nothing but round-off beside its like is
+    its own error. Each rod gets "position_error", the largest estimated error of the elements
     in a node's place at these stations.
     """
     at: dict[int, list[tuple[tuple[str, ...], dict[str, Any]]]] = {}
     for path, peak, largest in _peaks(said):
-        if abs(peak["value"]) <= NOISE * largest:
+        if history.path and "station" not in peak:  # its time does not say which state it is
+            peak["error"] = None
+        elif abs(peak["value"]) <= NOISE * largest:
             peak["error"] = abs(peak["value"])
         else:
-            at.setdefault(int(np.argmin(np.abs(history.t - peak["t"]))), []).append((path, peak))
+            station = peak.get("station", int(np.argmin(np.abs(history.t - peak["t"]))))
+            at.setdefault(station, []).append((path, peak))
     shifts: dict[str, list[tuple[float, float, float]]] = {}
     moving = InTime(history, at) if history.dynamic else None
     richer = Richer(history) if moving is None else None

@@ -176,9 +176,14 @@ def resume(
 
 def _finish(outcome: Any, tell: Callable[[str], None], *, pictures: bool, skip: bool) -> int:
     """Say what a run found and where it is; then the pictures. Exit code."""
-    if outcome.history is not None:
-        _tell_results(outcome.history, tell)
-        _tell_drives(outcome.verdicts, tell)
+    both = outcome.sticking is not None
+    for which, run in (("slipping", outcome), ("sticking", outcome.sticking)) if both else (("", outcome),):
+        if run is not None and run.history is not None:
+            if which:
+                tell(f"  with {which} strands:")
+            _tell_results(run.history, tell)
+            _tell_drives(run.verdicts, tell)
+            _tell_checks(run.checks, run.verdict, tell)
     good = STOPPED if outcome.reason else VIOLATED if outcome.violated else OK
     if outcome.complete:
         tell(f"Results in {outcome.folder}")
@@ -203,6 +208,9 @@ def _draw(folder: pathlib.Path, tell: Callable[[str], None], *, skip: bool) -> i
         say_wrong(f"no pictures: interrupted. All results are written; `cosserat-fem render {folder}` draws them.")
         return STOPPED
     tell(f"Pictures in {folder / 'pictures'}" if not problem else f"No pictures: {problem}")
+    from .report import write_report
+
+    tell(f"Report in {write_report(folder)}")
     return OK
 
 
@@ -270,6 +278,43 @@ def _tell_drives(verdicts: dict[str, dict[str, Any]], tell: Callable[[str], None
             f"  drive of {name}: {said['verdict']}, {value} at {margin['angle_deg']:.4g} deg on the way {margin['way']} "
             f"(needs {said['required']:.4g} N m, has {said['available']:.4g} N m)"
         )
+
+
+def _tell_checks(verdicts: Any, overall: str, tell: Callable[[str], None]) -> None:
+    """One line for each check and one for all of them, and drives."""
+    if not verdicts:
+        return
+    tell("Checks (margin: the part that is left of what is allowed)")
+    for verdict in verdicts:
+        least = "at least" if verdict.check.quantity.least else "at most"
+        at = [] if verdict.s is None else [f"s = {verdict.s:.4g} m"]
+        at += [f"t = {verdict.t:.6g} s"] if verdict.factor is None else [f"factor {verdict.factor:.6g}"]
+        at += [] if verdict.angle is None else [f"{verdict.angle:.3f} deg"]
+        limit = f"{least} {_with_unit(verdict.limit, verdict.unit)}{_by_rule(verdict)}"
+        value = _with_unit(verdict.value, verdict.unit)
+        tell(f"  {verdict.status:<8}{verdict.name}: {value}, {limit}; margin {verdict.margin:+.3f} at {', '.join(at)}")
+        if verdict.reason:
+            tell(f"          {verdict.reason}")
+    known = {status: sum(v.status == status for v in verdicts) for status in ("UNSAFE", "UNKNOWN")}
+    n = f"{len(verdicts)} check{'s' * (len(verdicts) != 1)}"
+    tell(f"Verdict: {overall} ({n}, {known['UNSAFE']} violated, {known['UNKNOWN']} unknown)")
+
+
+def _by_rule(verdict: Any) -> str:
+    """The rule that a limit comes from, and a word of caution if it was not read where it stands."""
+    from .rules import bend_rule
+
+    if verdict.check.limit.rule is None:
+        return ""
+    rule = bend_rule(verdict.check.limit.rule)
+    return f" by {rule.name}" + (" (at second hand: look it up in the standard)" if rule.status == "recalled" else "")
+
+
+def _with_unit(value: float, unit: str) -> str:
+    """A number as one reads it: lengths in mm."""
+    if unit == "m":
+        return f"{1000 * value:.4g} mm"
+    return f"{value:.4g}" if unit == "-" else f"{value:.4g} {unit}"
 
 
 def _station(history: Any, k: int) -> str:
@@ -343,10 +388,31 @@ def check(scene: pathlib.Path) -> int:
     model = loaded.model
     say(
         f"{scene}: fine. {len(model.rods)} rod(s), {6 * model.space.n_nodes} unknowns, {loaded.stations} station(s), "
-        f"terms: {', '.join([model.internal.name, *(term.name for term in model.terms)])}."
+        + (f"{len(loaded.checks)} check(s), " if loaded.checks else "")
+        + f"terms: {', '.join([model.internal.name, *(term.name for term in model.terms)])}."
         + (f" Sweep: {len(loaded.cases)} case(s)." if loaded.cases else "")
         + (f" Design: {len(loaded.tables.design.vary)} value(s)." if loaded.tables.design is not None else "")
     )
+    return OK
+
+
+@app.command
+def cables(name: str | None = None) -> int:
+    """List wires and cables of the catalogue with size, mass and stiffness; of one, its layers and sources too.
+
+    Parameters
+    ----------
+    name
+        Name of a cable, or a part of the names of several.
+    """
+    from .catalogue import entries, listing
+    from .errors import nearest
+
+    found = listing(name)
+    if not found:
+        say_wrong(f"no cable {name!r} in the catalogue. {nearest(str(name), entries())}")
+        return WRONG
+    say(found)
     return OK
 
 
@@ -467,7 +533,7 @@ def render(
     step
         Number of the state to draw (negative counts from the end).
     field
-        Colour by a field of the history: force, moment, curvature, displacement, ...
+        Colour by a field of the history: force, moment, curvature, displacement, margin (of checks), ...
     film
         All states as a film (MP4 with the extra `movie`, else WebP).
     out
@@ -510,6 +576,35 @@ def _render_study(folder: pathlib.Path, more: bool) -> int:
         from .design.plots import plot_design as plot
     plot(folder)
     say(f"Plots in {folder / 'pictures'}")
+    return OK
+
+
+@app.command
+def report(folder: pathlib.Path, *, film: Annotated[bool, Parameter(negative="")] = False) -> int:
+    """Write one HTML page of a run, to hand over: report.html in its folder.
+
+    Parameters
+    ----------
+    folder
+        Folder of a run.
+    film
+        With a film of all states; it is made if there is none yet.
+    """
+    from .errors import SceneError
+    from .report import write_report
+    from .run import draw
+
+    if film and not any((folder / "pictures" / f"film.{kind}").is_file() for kind in ("mp4", "webp")):
+        if not _is_run(folder):
+            return WRONG
+        made = draw(folder, "--film")
+        if made.problem:
+            say_wrong(f"no film: {made.problem}")
+    try:
+        say(f"Report in {write_report(folder, with_film=film)}")
+    except SceneError as error:
+        _tell_faults(error.faults)
+        return WRONG
     return OK
 
 
@@ -676,7 +771,22 @@ def design(
         tell(f"Plots in {found.folder / 'pictures'}")
     if not found.complete:
         return STOPPED
-    return OK if found.best is not None else VIOLATED
+    return OK if found.best is not None and found.safe else VIOLATED
+
+
+@app.command
+def rules() -> int:
+    """List the bend-radius rules that checks know by name, with clause, status and source."""
+    from .rules import bend_rules
+
+    for rule in bend_rules().values():
+        of = {"cable": "cable diameters", "wire": "diameters of the largest insulated wire"}[rule.diameter]
+        say(f"{rule.name}: {'no number' if rule.factor is None else f'{rule.factor:g} {of}, inside the bend'}")
+        say(f"    for {rule.applies}\n    clause: {rule.clause}; status: {rule.status}; source: {rule.source}")
+    say(
+        "data sheet: read in a publication of the body that makes the rule; recalled: quoted by others, check the standard."
+    )
+    return OK
 
 
 @app.command

@@ -210,7 +210,7 @@ def _begin(
     newton = Newton(model)
     path = Path(newton, parameter)
     point = path.begin(found.final, 0.0 if along == "loads" else t, until)
-    history = History(model, counters=newton.counters)
+    history = History(model, counters=newton.counters, loads=chosen if along == "loads" else ())
     start_record = found.records[-1]
     trace = _Trace(history, path, point, FIRST, until, start_record.negative <= 0)
     point = replace(point, residual=start_record.residual, iterations=start_record.iterations)

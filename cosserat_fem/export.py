@@ -52,6 +52,8 @@ UNITS = {
     "kappa": "1/m",
     "curvature": "1/m",
     "contact_force": "N/m",
+    "margin": "-",
+    "margin_of": "index",
     "radius": "m",
     "s": "m",
     "rod": "index",
@@ -131,15 +133,21 @@ def replace_file(path: pathlib.Path, write: Callable[[pathlib.Path], object]) ->
         raise
 
 
-def write_history(history: History, path: str | os.PathLike[str]) -> None:
-    """Write all states as one transient VTKHDF file."""
+def write_history(
+    history: History,
+    path: str | os.PathLike[str],
+    more: dict[str, np.ndarray] | None = None,
+    about: dict[str, Any] | None = None,
+) -> None:
+    """Write all states as one transient VTKHDF file, with more point fields (T, N) over all rods and notes about them."""
     data = fields(history)
     rods = [
         {"name": rod.name, "outline": rod.sections[0][1].outline, "n_nodes": len(history.nodes(rod))}
         for rod in history.model.rods
     ]
     connectivity = {"Lines": (data.lines.ravel(), 2 * np.arange(len(data.lines) + 1))}
-    _write_vtkhdf(path, history.order, data.points, connectivity, data.point_data, data.cell_data, {"rods": rods})
+    points, notes = data.point_data | (more or {}), {"rods": rods} | (about or {})
+    _write_vtkhdf(path, history.order, data.points, connectivity, points, data.cell_data, notes)
 
 
 def write_parts(history: History, path: str | os.PathLike[str], parts: Sequence[Part] | None = None) -> None:

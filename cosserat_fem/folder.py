@@ -16,6 +16,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 
+from .band import FOLDER as STICK
 from .errors import SceneError
 from .export import UNITS
 
@@ -24,16 +25,22 @@ RESULTS = ("reactions.csv", "hinge_torque.csv", "history.vtkhdf", "parts.vtkhdf"
 TOUCHING = ("contacts.csv", "contact_loads.csv")  # of a scene with contact
 DRIVEN = ("joint_model.json", "drive.csv")  # of hinges that turn both ways or have a drive
 IN_TIME = ("ledger.csv", "steps.csv", "frames.bin", "checkpoint.npz")  # of a run in time
+CHECKED = ("checks.csv", "margins.npz")  # of a scene with checks
 ALONG = ("path.csv", "modes.csv", "modes.vtkhdf")  # of a path; of vibrations
-FILES = ("scene.toml", *RESULTS, *TOUCHING, *DRIVEN, *IN_TIME, *ALONG, "history.pvd", "summary.json")
+FILES = (
+    "scene.toml", *RESULTS, *TOUCHING, *DRIVEN, *IN_TIME, *CHECKED, *ALONG, "history.pvd", "report.html", "summary.json"
+)  # fmt: skip
 LOCK = ".running"
 # names that we give in each folder; pictures of one state are called after the field that colours them
-NAMES = {
+_NAMES = {
     "": "|".join(re.escape(name) for name in FILES),
-    "pictures": r"(reactions|hinge_torque|drive|ledger|path)\.(png|svg)|(stages|moment)\.png|film\.(mp4|webp)"
+    "pictures": r"(reactions|hinge_torque|drive|ledger|path|margins|margin_map)\.(png|svg)|(stages|moment)\.png"
+    r"|film\.(mp4|webp)"
     rf"|({'|'.join(['shape', *UNITS])})_(last|-?\d+)\.png",
     "pvd": r"(rods|parts)_\d{5,}\.vtu",
 }
+# the same again in the folder of the run with sticking strands
+NAMES = _NAMES | {f"{STICK}/{name}".rstrip("/"): names for name, names in _NAMES.items()}
 
 
 @dataclass
@@ -46,19 +53,23 @@ class Contents:
 
 
 def contents(folder: pathlib.Path) -> Contents:
-    """Sort what is in a run folder and in its `pictures` and `pvd`, without the lock of a run."""
+    """Sort what is in a run folder and in those folders in it that a run makes, without the lock of a run."""
     found = Contents()
+    _sort_all(folder, "", found)
+    return found
+
+
+def _sort_all(folder: pathlib.Path, inside: str, found: Contents) -> None:
     for entry in sorted(folder.iterdir()):
-        if entry.name == LOCK and _holder(entry) is not None:
+        name = f"{inside}/{entry.name}".lstrip("/")
+        if not inside and entry.name == LOCK and _holder(entry) is not None:
             continue
-        if entry.name not in NAMES:
-            _sort(entry, "", found)
+        if name not in NAMES:
+            _sort(entry, inside, found)
         elif entry.is_symlink() or not entry.is_dir():
             found.blocking.append(entry)
         else:
-            for inner in sorted(entry.iterdir()):
-                _sort(inner, entry.name, found)
-    return found
+            _sort_all(entry, name, found)
 
 
 def _sort(entry: pathlib.Path, inside: str, found: Contents) -> None:
@@ -169,7 +180,7 @@ class RunFolder:
         # the summary goes last: with it gone the folder is not ours any more
         for file in sorted(files, key=lambda file: file.name == "summary.json"):
             file.unlink(missing_ok=True)
-        for name in filter(None, NAMES):
+        for name in sorted(filter(None, NAMES), reverse=True):  # inner ones first
             folder = self.path / name
             if folder.is_dir() and not any(folder.iterdir()):
                 folder.rmdir()

@@ -118,6 +118,8 @@ class History:
         Spectral radius of a run in time.
     chosen : Chosen, optional
         What was chosen where an accuracy was asked for; `model` has these elements.
+    loads : tuple of terms
+        Those that a path multiplies by its factors.
     critical : list of CriticalPoint
         Limit and bifurcation points that a path passed; see `trace_path`.
     """
@@ -132,6 +134,7 @@ class History:
     rho_inf: float | None = None
     chosen: Chosen | None = None
     critical: list[CriticalPoint] = field(default_factory=list)
+    loads: tuple[Any, ...] = ()
 
     def __repr__(self) -> str:
         span = f"t = {self.t[0]:g} .. {self.t[-1]:g} s, " if self.records else ""
@@ -204,6 +207,18 @@ class History:
 
         The polynomial through the Gauss points of an element, taken at its nodes; where two elements meet, the mean.
         """
+        local = self.in_elements(rod, values)
+        T, E, A = local.shape[:3]
+        order = A - 1
+        out = np.zeros((T, E * order + 1, *values.shape[2:]))
+        out[:, :-1].reshape(T, E, order, *values.shape[2:])[...] += local[:, :, :-1]
+        ends = out[:, order::order]
+        ends += local[:, :, -1]
+        out[:, order:-1:order] *= 0.5
+        return out
+
+    def in_elements(self, rod: Rod | str, values: np.ndarray) -> np.ndarray:
+        """Values (T, Q, ...) from the Gauss points to the nodes of each element (T, E, A, ...), by its own polynomial."""
         rod = self.rod(rod)
         view = self.model.space[rod]
         group = self.model.space.groups[view.group]
@@ -212,13 +227,7 @@ class History:
         powers = np.arange(order)
         take = ((nodes[:, None] - 0.5) ** powers) @ np.linalg.inv((points[:, None] - 0.5) ** powers)
         T, E = len(values), len(view.vertices) - 1
-        local = np.einsum("nq,teq...->ten...", take, values.reshape(T, E, order, *values.shape[2:]))
-        out = np.zeros((T, E * order + 1, *values.shape[2:]))
-        out[:, :-1].reshape(T, E, order, *values.shape[2:])[...] += local[:, :, :-1]
-        ends = out[:, order::order]
-        ends += local[:, :, -1]
-        out[:, order:-1:order] *= 0.5
-        return out
+        return np.einsum("nq,teq...->ten...", take, values.reshape(T, E, order, *values.shape[2:]))
 
     def section_forces(self, rod: Rod | str, frame: Literal["material", "spatial"] = "material") -> np.ndarray:
         """Force and moment (T, Q, 6) [N, N m] of the part beyond s on the part before it, in directors or in space.

@@ -25,13 +25,14 @@ from scipy.optimize import brent
 from .arclength import CriticalPoint
 from .errors import ConvergenceError, check_positive
 from .history import History, Record
-from .mechanism import Hinge
+from .mechanism import Hinge, Part
 from .model import Model
 from .rod import Rod
 
 HALVINGS = 3  # of a step where a curve bends
 DROP = 1e-3  # of the largest value: a peak is one when a curve has come down so far from it
 NOISE = 1e-5  # the same at the end of a way, where no more comes, and on the side where it came from
+ROWS = 8  # of a table, for each look: if there are more, looks are enough
 TRIES = 20  # states looked at for a peak
 SMALL = 0.1  # of bending stiffness over length (squared): forces and moments of interest are not all smaller
 
@@ -81,12 +82,15 @@ class Resolution:
         How exactly peaks are located, in parts of the distance of the states on both sides.
     watch : sequence of Watch
         Numbers to resolve besides hinge torques, reactions, contact forces and curvatures (see `watched`).
+    parts : sequence of Part
+        Whose motions count besides those of the model, as what is watched may depend on them.
     """
 
     turn: float = np.pi / 360.0
     bend: float = 2e-3
     peak: float = 2e-3
     watch: Sequence[Watch] = ()
+    parts: Sequence[Part] = ()
 
     def __post_init__(self) -> None:
         for name in ("turn", "bend", "peak"):
@@ -204,6 +208,8 @@ class March:
         self.resolved: list[tuple[int, float, float]] = []  # what, from, to: a peak was located there
         self.known: dict[float, tuple[int, Record]] = {}  # states found ahead, each from the first so many of the march
         self.tried: dict[float, Record] = {}  # states found for a look
+        self.parts = [*history.model.parts, *(resolution.parts if resolution is not None else ())]
+        self.rows = self._rows()
         self.middle = history.model.initial_state().r.mean(axis=0)
         self._told: tuple[Record | None, np.ndarray] = (None, np.empty(0))
 
@@ -231,6 +237,18 @@ class March:
             self._thin()
         return False
 
+    def _rows(self) -> np.ndarray:
+        """Times of the rows of tables of motions and loads: a pulse that is shorter than a step shows there."""
+        motions = [part.motion for part in self.parts if part.motion is not None]
+        schedules = [getattr(motion, "schedule", None) for motion in motions]
+        tables = [m.kinks if s is None or s.times is None else s.times for m, s in zip(motions, schedules, strict=True)]
+        tables += [term.kinks for term in self.history.model.terms if hasattr(term, "kinks")]
+        rows = np.unique(np.concatenate([np.empty(0), *tables]))
+        if not np.isfinite(self.clock.turn):
+            return rows
+        rows = rows[rows <= self.clock.turn]
+        return np.unique(np.concatenate([rows, 2.0 * self.clock.turn - rows]))
+
     def _turn_back(self) -> None:
         """Extremes of the way back are its own; it goes through the stations that the way out needed."""
         self.mirrored = {2.0 * self.clock.turn - self.chain[k].t for k in self._needed()} - set(self.times.tolist())
@@ -247,7 +265,9 @@ class March:
             return
         n = max(1, ceil(self._moved(begin, goal) / self.resolution.turn * (1.0 - 1e-9)))
         shortest = (goal - begin) / n * 0.5**HALVINGS
-        passed = {t for t in self.mirrored if begin < t < goal}
+        rows = self.rows[(self.rows > begin) & (self.rows < goal)].tolist()
+        rows = rows if len(rows) <= ROWS * n else []  # a finely sampled motion has no pulse between two looks
+        passed = {t for t in (*self.mirrored, *rows) if begin < t < goal}
         between = np.linspace(begin, goal, n + 1)[1:-1].tolist()
         targets = sorted({t for t in between if all(abs(t - s) > shortest for s in passed)} | passed) + [goal]
         while targets:
@@ -285,7 +305,7 @@ class March:
     def _moved(self, a: float, b: float) -> float:
         """Largest turn of a part [rad] from one time to another, or displacement of rods with it in rod lengths."""
         model, most = self.history.model, 0.0
-        for part in model.parts:
+        for part in self.parts:
             if part.motion is None:
                 continue
             begin, end = self.clock.at(a), self.clock.at(b)

@@ -15,14 +15,16 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Sequence
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from importlib import metadata
 from typing import Any
 
 from .accuracy import add_errors
+from .band import FOLDER, compare_ends, verdicts
+from .catalogue import sources
 from .continuation import STEPS, trace_path
 from .drive import describe_drive, turns_back, write_drives, write_joint_models
 from .dynamics import RigidVelocity, solve_dynamic
@@ -41,17 +43,20 @@ from .export import (
     write_shapes,
     write_steps,
 )
-from .folder import DRIVEN, PROGRAM, RESULTS, TOUCHING, RunFolder
+from .folder import CHECKED, DRIVEN, PROGRAM, RESULTS, TOUCHING, RunFolder
 from .frames import CHECKPOINT, FRAMES, FrameFile, read_checkpoint, read_frames, with_terms, write_checkpoint
 from .history import History, Record
 from .integrator import AdaptiveStep, Checkpoint, FixedStep, Run
 from .kernels import CompileClock
+from .margins import margin_fields, write_checks, write_margins
+from .mechanism import Part
 from .model import Model
 from .scene import Scene, load_scene
 from .space import State
 from .statics import solve_quasistatic, solve_static
 from .summary import describe, describe_modes, describe_peaks, out_of_plane
 from .theories import Comparison, compare_theories
+from .verdicts import Verdict, assess, found_at, judged, overall, tell, warn_of_parts, watches
 from .vibration import Modes, modes
 
 PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "pyvista", "vtk", "h5py", "pyamg")
@@ -106,11 +111,20 @@ class Outcome:
     complete: bool = False  # every result of the history is on the disk
     by_chance: bool = False
     verdicts: dict[str, dict[str, Any]] = field(default_factory=dict)  # on drives, by part
+    checks: tuple[Verdict, ...] = ()
+    sticking: Outcome | None = None  # the run with sticking strands, if the scene asks for both; its reason is in ours
+
+    @property
+    def verdict(self) -> str:
+        """On all checks and drives together: SAFE, UNSAFE or UNKNOWN."""
+        return overall(
+            [*(said["verdict"] for said in self.verdicts.values()), *(check.status for check in self.checks)]
+        )
 
     @property
     def violated(self) -> bool:
-        """True if not everything that was to be judged is safe."""
-        return any(said["verdict"] != "SAFE" for said in self.verdicts.values())
+        """True if not everything that was to be judged is safe, at both ends of a band."""
+        return self.verdict != "SAFE" or (self.sticking is not None and self.sticking.violated)
 
 
 def run_scene(
@@ -125,6 +139,9 @@ def run_scene(
     keep: Keep = ALL,
 ) -> Outcome:
     """Run a scene and write its results, without pictures (see `draw`). Ctrl-C stops it; what was found is written.
+
+    A scene with rods between slipping and sticking strands is run at both ends: slipping in the folder itself, sticking in
+    its folder `stick`; the summary has the peaks of both under "band".
 
     Parameters
     ----------
@@ -148,6 +165,80 @@ def run_scene(
     if not isinstance(out, RunFolder):
         with RunFolder(scene.folder if out is None else out, scene.inputs, force=force, resume=resume) as held:
             return run_scene(scene, held, progress=progress, announce=announce, phases=phases, resume=resume, keep=keep)
+    if not scene.banded:
+        return _run_once(scene, out, progress, announce, phases, resume, keep)
+    return _run_both(scene, out, progress, announce, phases, resume, keep)
+
+
+def _run_both(
+    scene: Scene,
+    out: RunFolder,
+    progress: Callable[[int, int], bool | None] | None,
+    announce: Callable[[str], None] | None,
+    phases: Phases | None,
+    resume: bool,
+    keep: Keep,
+) -> Outcome:
+    """Run with slipping, then with sticking strands; what was done before a `resume` is not done again."""
+    asked, n = False, scene.stations
+
+    def part(first: int) -> Callable[[int, int], bool | None]:
+        def told(done: int, total: int) -> bool | None:
+            nonlocal asked
+            asked = progress is not None and bool(progress(first + done, 2 * n))
+            return asked
+
+        return told
+
+    folder = RunFolder(out.path / FOLDER, scene.inputs)
+    if resume and not (out.path / CHECKPOINT).is_file():
+        slip = Outcome(out.path, None, complete=True)
+    else:
+        slip = _run_once(scene, out, part(0), announce, phases, resume, keep)
+    if asked or slip.reason == "interrupted":
+        return slip
+    try:
+        folder.path.mkdir(exist_ok=True)
+    except OSError as error:
+        return replace(slip, reason=_both(slip.reason, f"sticking strands: {_why(error)}"))
+    resume &= (folder.path / CHECKPOINT).is_file()
+    stick = _run_once(scene.sticking(), folder, part(n), announce, None, resume, keep)
+    reason = _both(slip.reason, f"with sticking strands: {stick.reason}") if stick.reason else slip.reason
+    try:
+        _add_band(out.path, scene.banded, reason)
+    except (OSError, ValueError) as error:
+        reason = _both(reason, f"band in summary.json could not be written: {_why(error)}")
+    by_chance = slip.by_chance or stick.by_chance
+    complete = slip.complete and stick.complete
+    return replace(slip, reason=reason, complete=complete, sticking=stick, by_chance=by_chance)
+
+
+def _add_band(folder: pathlib.Path, rods: tuple[str, ...], reason: str) -> None:
+    """Peaks of both runs, and what stopped either, into the summary of the first."""
+    first, second = (json.loads((f / "summary.json").read_text(encoding="utf-8")) for f in (folder, folder / FOLDER))
+    first["band"] = {"of": list(rods), "folder_of_stick": FOLDER, **compare_ends(first, second)}
+    if found := verdicts(second):
+        first["band"]["verdicts"] = {"stick": found}
+    if "verdict" in first or "verdict" in second:
+        first["verdict"] = overall([x.get("verdict", "SAFE") for x in (first, second)])
+    if reason:
+        first |= {"status": "stopped", "reason": reason}
+    elif first["status"] != "converged":  # of a run that was resumed since
+        first |= {"status": "converged", "reason": ""}
+    text = json.dumps(first, indent=2) + "\n"
+    replace_file(folder / "summary.json", lambda path: path.write_text(text, encoding="utf-8"))
+
+
+def _run_once(
+    scene: Scene,
+    out: RunFolder,
+    progress: Callable[[int, int], bool | None] | None,
+    announce: Callable[[str], None] | None,
+    phases: Phases | None,
+    resume: bool,
+    keep: Keep,
+) -> Outcome:
+    """Run a scene at one end of its stiffness into a folder that is held."""
     phases = phases or Phases()
     writer = _Writer(scene, out.path, phases, keep)
     try:
@@ -199,9 +290,8 @@ def run_scene(
     if writer.complete and not reason:
         for name in (FRAMES, CHECKPOINT):
             (out.path / name).unlink(missing_ok=True)
-    return Outcome(
-        out.path, history, reason, tuple(writer.written), writer.complete, by_chance, writer.verdicts
-    )  # fmt: skip
+    written, checks = tuple(writer.written), tuple(writer.checks)
+    return Outcome(out.path, history, reason, written, writer.complete, by_chance, writer.verdicts, checks)
 
 
 def resume_scene(
@@ -219,9 +309,12 @@ def resume_scene(
         The folder is not one of a run, has no checkpoint, or its scene.toml was changed.
     """
     folder = pathlib.Path(folder)
+    if folder.name == FOLDER and (folder.parent / "scene.toml").is_file():
+        folder = folder.parent
     if not (folder / "scene.toml").is_file():
         raise SceneError(f"{folder}: is not the folder of a run (no scene.toml).")
-    read_checkpoint(folder / CHECKPOINT)
+    second = folder / FOLDER / CHECKPOINT
+    read_checkpoint(second if second.is_file() else folder / CHECKPOINT)
     scene = load_scene(folder / "scene.toml")
     return run_scene(scene, folder, progress=progress, announce=announce, phases=phases, resume=True)
 
@@ -273,7 +366,7 @@ def _solve(
     table = scene.tables.solve
     history = solve_quasistatic(
         scene.model, scene.times, start=start, past_limits=table.past_limits, callback=callback, accuracy=table.accuracy,
-        travel=table.travel, resolution=scene.resolution(),
+        travel=table.travel, resolution=scene.resolution(watches(scene.checks), wanted=bool(scene.checks)),
     )  # fmt: skip
     if asked:
         history.status, history.message = "stopped", f"asked to stop at t = {history.t[-1]:g} s"
@@ -422,16 +515,24 @@ class _Writer:
         self.complete = False
         self.modes: Modes | None = None
         self.verdicts: dict[str, dict[str, Any]] = {}
+        self.checks: list[Verdict] = []
 
     def text(self, name: str, text: str) -> None:
         replace_file(self.folder / name, lambda path: path.write_text(text, encoding="utf-8"))
 
     def results(self, history: History) -> str:
         """Write all results, or say why not."""
+        try:
+            with self.phases.measure("checks") if self.scene.checks else nullcontext():
+                self.checks = assess(history, self.scene.checks, self.scene.parts)
+        except KeyboardInterrupt:
+            return "interrupted while limits were checked"
+        except (MemoryError, CosseratError) as error:
+            return f"limits could not be checked: {_why(error)}"
         writers: tuple[Callable[..., None], ...] = (
             write_reactions,
             write_hinge_torque,
-            write_history,
+            self._history,
             partial(write_parts, parts=self.scene.parts),
         )
         named = dict(zip(RESULTS, writers, strict=True))
@@ -444,6 +545,9 @@ class _Writer:
             named |= dict(zip(DRIVEN[: 2 if self.scene.drives else 1], driven, strict=False))
         if history.path:
             named["path.csv"] = write_path
+        if self.scene.checks:
+            kept = (partial(write, verdicts=self.checks) for write in (write_checks, write_margins))
+            named |= dict(zip(CHECKED, kept, strict=True))
         for name, write in named.items():
             if self.keep.results is not None and name not in self.keep.results:
                 continue
@@ -457,6 +561,14 @@ class _Writer:
         reason = self._vibrations(history)
         self.complete = not reason
         return reason
+
+    def _history(self, history: History, path: pathlib.Path) -> None:
+        """The history for ParaView, with the margins of checks."""
+        if not self.checks:
+            write_history(history, path)
+            return
+        names = [verdict.name for verdict in self.checks]
+        write_history(history, path, margin_fields(history, self.checks), {"checks": names})
 
     def _vibrations(self, history: History) -> str:
         """Find and write the vibrations about the last state if the scene asks for them, or say why not."""
@@ -487,19 +599,29 @@ class _Writer:
         if history is not None and len(history):
             parts = self.scene.parts if self.keep.clearances else ()
             data |= describe(history, parts)
+            data |= tell(self.checks) if self.checks else {}
             if self.keep.errors:
                 with self.phases.measure("estimate"):
                     try:
-                        data["discretisation"] = add_errors(data, history, describe_peaks, parts)
+                        told = partial(self._described, history)
+                        data["discretisation"] = add_errors(data, history, told, parts)
                     except MemoryError as error:
                         data["discretisation"] = {"not_found": out_of_memory(error)}
             for drive in self.scene.drives:
                 self.verdicts[drive.part.name] = describe_drive(history, drive)
                 data["hinges"][drive.part.name]["drive"] = self.verdicts[drive.part.name]
+            if self.checks:
+                self.checks = judged(self.checks, history, data)
+                warn_of_parts(self.checks, history, data)
             if self.modes is not None:
                 data["vibrations"] = describe_modes(self.modes)
             if self.scene.tables.solve.out_of_plane and self.scene.model.plane is not None:
                 data["out_of_plane"] = out_of_plane(history)
+        if self.scene.checks and status in ("converged", "stopped"):
+            found = [check.status for check in self.checks] or ["UNKNOWN"]
+            data["verdict"] = overall([*found, *(said["verdict"] for said in self.verdicts.values())])
+        if self.scene.catalogue:
+            data["catalogue"] = {name: sources(name) for name in self.scene.catalogue}
         data |= {
             "warnings": self.scene.model.warnings,
             "seconds": {"wall": self.phases.wall, "cpu": self.phases.cpu},
@@ -507,6 +629,11 @@ class _Writer:
             "platform": platform.platform(),
         }
         self.text("summary.json", json.dumps(data, indent=2) + "\n")
+
+    def _described(self, history: History, found: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
+        """What is reported of a better state of a history, checks too."""
+        more = found_at(self.checks, history, found, self.scene.parts) if self.checks else {}
+        return describe_peaks(found, parts) | more
 
 
 @dataclass(frozen=True)

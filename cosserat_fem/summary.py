@@ -11,11 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from .checks import bend_radius, clearance, distance_from_drawing, worst
+from .checks import bend_radius, distance_from_drawing, worst
 from .drive import as_peaks, describe_torque
 from .export import hinged_parts
+from .gaps import clearance
 from .history import History
 from .mechanism import Hinge, Part
+from .section import Section
 from .stability import leaves_plane
 from .vibration import Modes
 
@@ -163,6 +165,7 @@ def _describe_rod(history: History, rod: Any) -> dict[str, Any]:
     return {
         "elements": len(history.model.space[rod].vertices) - 1,
         "order": history.model.space[rod].mesh.order,
+        "section": [_describe_section(place, section) for place, section in rod.sections],
         "length": {"free": float(rod.length), "drawn": float(rod.drawn_length), "longest": float(lengths.max())},
         "largest_strain": {name: worst(np.abs(strain[..., k]), t, stations) for k, name in enumerate(names)},
         "smallest_bend_radius": radius if np.isfinite(radius["value"]) else None,
@@ -170,6 +173,21 @@ def _describe_rod(history: History, rod: Any) -> dict[str, Any]:
             "first station": worst(distance[:1], t[:1], nodes),
             "whole run": worst(distance, t, nodes),
         },
+    }
+
+
+def _describe_section(s: float, section: Section) -> dict[str, Any]:
+    """Stiffness, mass and size of a section at s [m]; of a coupled one its diagonal."""
+    GA1, GA2, EA, EI1, EI2, GJ = (float(x) for x in np.diag(section.matrix))
+    return {
+        "s": float(s),
+        "GA": [GA1, GA2],
+        "EA": EA,
+        "EI": [EI1, EI2],
+        "GJ": GJ,
+        "mass_per_length": section.mass_per_length,
+        "diameter": None if section.radius is None else 2 * section.radius,
+        **({"width_and_height": list(section.outline)} if section.outline else {}),
     }
 
 

@@ -83,6 +83,9 @@ class Picture:
             return None
         values = self.stored.fields.point_data[self.field]
         size = np.linalg.norm(values, axis=-1) if values.ndim == 3 else values
+        if self.field == "margin":  # the limit in the middle
+            extent = min(float(np.nanmax(np.abs(size), initial=1e-3)), 1.0)
+            return -extent, extent
         return float(size.min()), float(size.max())
 
     def add(self, step: int, *, opacity: float = 1.0, parts: bool = True) -> None:
@@ -107,7 +110,7 @@ class Picture:
                 self.plotter.add_mesh(
                     surface,
                     scalars="shown",
-                    cmap="viridis",
+                    cmap="RdBu" if self.field == "margin" else "viridis",
                     clim=self.limits,
                     opacity=opacity,
                     smooth_shading=True,

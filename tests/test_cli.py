@@ -434,6 +434,7 @@ def test_results_do_not_depend_on_pictures(scene, tmp_path, monkeypatch, capsys)
     monkeypatch.setattr(run.sys, "executable", "/bin/false")
     assert main(["run", "s.toml"]) == 0
     assert "No pictures:" in capsys.readouterr().out
+    assert (tmp_path / "out" / "s" / "report.html").stat().st_size > 10_000
     assert np.loadtxt(tmp_path / "out" / "s" / "hinge_torque.csv", delimiter=",", skiprows=1, usecols=3).shape == (5,)
 
 

@@ -37,6 +37,7 @@ def design(text, tmp_path, limits="", **keys):
     return build_scene(parse(tmp_path / "beam.toml", text + table))
 
 
+BEAM = "points = [[0, 0, 0], [0.1, 0, 0]]"
 MOMENT = '{ result = "reactions.wall.largest_moment.value", most = "20 N mm" }'
 FORCE = '{ result = "reactions.wall.largest_force.value", most = "10 mN" }'
 
@@ -61,6 +62,35 @@ def test_the_largest_load_is_where_a_limit_says(tmp_path, limits, load, active):
     largest = max(-float(row["load.0.force.2"]) for row in rows if row["keeps"] == "true")
     assert largest == -found.best.changes["load.0.force.2"]
     assert min(-float(row["load.0.force.2"]) for row in rows if row["keeps"] == "false") <= load * 1.001
+
+
+def test_checks_of_the_scene_are_kept_with_the_margin_asked_for(tmp_path):
+    """The moment at the root may be 20 N mm; with 5 % of it left the load is 19 mN. A limit that is missed is told."""
+    scene = design(CANTILEVER + 'checks = { reaction_moment = "20 N mm" }', tmp_path, margin=0.05)
+    found = run_design(scene, tmp_path / "out")
+    assert -found.best.changes["load.0.force.2"] == pytest.approx(0.019, rel=1e-3)
+    assert found.safe
+    about = json.loads((tmp_path / "out" / "design.json").read_text())
+    assert about["check"]["verdict"] == "SAFE"
+    assert about["best"]["limits"][0]["margin"] == pytest.approx(0.05, abs=1e-3)
+    assert about["best"]["active"][0].startswith("check ")
+
+
+def test_both_ends_of_a_stiffness_band_count(tmp_path):
+    """Tip load that bends a wire of the catalogue to a radius of 500 mm: with slipping strands it is less.
+
+    Curvature at the root F l / EI, so the least EI of the band tells: F = EI / (l R), short of shortening.
+    """
+    text = CANTILEVER.replace('section = "s"', 'section = "M22759/16-22"').replace(
+        "points = [[0, 0, 0], [1, 0, 0]]", BEAM
+    )
+    text = "\n".join(line for line in text.splitlines() if not line.startswith("section"))
+    limit = '{ result = "rods.beam.smallest_bend_radius.value", least = "500 mm" }'
+    vary = '{ path = "load.0.force.2", range = [-0.05, -0.0001] }'
+    found = run_design(design(text, tmp_path, limit, vary=vary), tmp_path / "out")
+    low, high = cf.cable_named("M22759/16-22").bending_stiffness
+    assert high > 1.5 * low
+    assert -found.best.changes["load.0.force.2"] == pytest.approx(low / (0.1 * 0.5), rel=0.01)
 
 
 def test_two_limits_meet_in_a_corner(tmp_path):

@@ -1,6 +1,7 @@
 """Every example runs as a user would run it, and ends in the right number."""
 
 import csv
+import json
 import pathlib
 import re
 import runpy
@@ -42,6 +43,17 @@ def test_longer_cable(capsys):
     """Its studies are valid; what the design finds is held against a scan in test_design.py."""
     assert main(["check", str(EXAMPLES / "longer_cable.toml")]) == 0
     assert "Sweep: 60 case(s). Design: 1 value(s)." in capsys.readouterr().out
+
+
+def test_wire_over_hinge(tmp_path):
+    """A wire that hardly stretches asks for torque in proportion to its EI, so both ends of the band are told by one."""
+    run_scene("wire_over_hinge.toml", tmp_path)
+    band = json.loads((tmp_path / "out" / "summary.json").read_text())["band"]
+    torque, (slip, stick) = band["hinges"]["panel"]["largest_torque"], cf.cable_named("M22759/16-22").bending_stiffness
+    assert torque["stick"] / torque["slip"] == pytest.approx(stick / slip, rel=0.02)
+    assert torque["slip"] == pytest.approx(0.0232674, rel=1e-4)
+    radius = band["rods"]["wire"]["smallest_bend_radius"]
+    assert radius["stick"] == pytest.approx(radius["slip"], rel=0.02)
 
 
 def test_hanging_cable(tmp_path):
@@ -98,6 +110,18 @@ def test_hinge_with_bracket(tmp_path):
     with open(tmp_path / "out" / "contact_loads.csv", newline="") as file:
         lost = float(list(csv.DictReader(file))[-1]["friction_work"])
     assert loop == pytest.approx(lost, rel=0.05)
+
+
+def test_checked_door(tmp_path):
+    """Long-term bend radius and clearance are violated, exit code 3; by symmetry in the middle and alike on both sides."""
+    assert main(["run", str(EXAMPLES / "checked_door.toml"), "-o", str(tmp_path / "out"), "--no-pictures"]) == 3
+    said = json.loads((tmp_path / "out" / "summary.json").read_text())
+    unsafe = [name for name, check in said["checks"].items() if check["status"] != "SAFE"]
+    assert unsafe == ["long-term bend radius", "clearance of loom from frame", "clearance of loom from door"]
+    assert said["checks"]["least bend radius"]["worst"]["s"] == pytest.approx(0.125, abs=0.25 / 18)
+    near = [said["checks"][name]["worst"]["value"] for name in unsafe[1:]]
+    assert near[0] == pytest.approx(near[1], abs=1e-6)
+    assert said["verdict"] == "UNSAFE"
 
 
 def test_helix():

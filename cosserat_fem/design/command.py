@@ -19,9 +19,10 @@ import numpy as np
 from ..errors import SceneError
 from ..export import replace_file
 from ..folder import PROGRAM, check_study, hold
-from ..run import run_scene
+from ..run import Outcome, run_scene
 from ..scene import Scene, load_scene
 from ..summary import flat
+from ..verdicts import Verdict
 from .search import best, closest, front, search
 from .trial import Trial, Trials
 
@@ -40,6 +41,7 @@ class Design:
     best: Trial | None
     lines: tuple[str, ...]
     complete: bool
+    safe: bool = True  # the run of the best scene is, by the checks
 
 
 def run_design(
@@ -110,7 +112,8 @@ def _in_folder(scene: Scene, trials: Trials, folder: pathlib.Path) -> Design:
     if trials.design.tradeoff is not None:
         _write_trials(trials, front(trials, *trials.design.tradeoff), folder / FRONT)
     _json(folder / ABOUT, about)
-    return Design(folder, tuple(trials.done), winner, tuple(lines), complete)
+    safe = about.get("check", {}).get("verdict", "SAFE") == "SAFE"
+    return Design(folder, tuple(trials.done), winner, tuple(lines), complete, safe)
 
 
 def describe_trial(trials: Trials, trial: Trial) -> dict[str, Any]:
@@ -141,7 +144,7 @@ def active(trials: Trials, trial: Trial) -> list[str]:
         slopes = [abs(t.margins[k] - trial.margins[k]) / float(np.linalg.norm(t.u - trial.u)) for t in others]
         near = sorted(zip([float(np.linalg.norm(t.u - trial.u)) for t in others], slopes, strict=True))[:4]
         slope = max((slope for _, slope in near), default=1.0)
-        if trial.margins[k] <= reach * max(slope, 1e-3):
+        if trial.margins[k] - trial.reserve <= reach * max(slope, 1e-3):
             found.append(str(limit))
     for entry, u in zip(trials.design.vary, trial.u, strict=True):
         for end, name in ((0.0, "lowest"), (1.0, "highest")):
@@ -179,8 +182,15 @@ def _proved(trials: Trials, trial: Trial, folder: pathlib.Path) -> tuple[dict[st
     }
     worst = max(away.values(), default=0.0)
     said = {"folder": RUN, "reason": outcome.reason, "largest_difference": worst}
+    if trials.scene.checks:
+        said["verdict"] = outcome.verdict
     if outcome.reason:
         return said, [f"the run of {SCENE} stopped: {outcome.reason}"]
+    doubts = [
+        f"the run of {SCENE} says {v.status} of check {v.name!r}: {v.reason}" for v in _checks(outcome) if v.reason
+    ]
+    if doubts:
+        return said, doubts
     if worst > AGREES:
         name = max(away, key=lambda name: away[name])
         return said, [
@@ -188,6 +198,11 @@ def _proved(trials: Trials, trial: Trial, folder: pathlib.Path) -> tuple[dict[st
             "state. Draw the route nearer to the cable's shape."
         ]
     return said, [f"the run of {SCENE} says the same to {worst:.1e}"]
+
+
+def _checks(outcome: Outcome) -> list[Verdict]:
+    """Verdicts of a run, at both ends of its stiffness."""
+    return [*outcome.checks, *(outcome.sticking.checks if outcome.sticking is not None else ())]
 
 
 def _write_trials(trials: Trials, rows: Sequence[Trial], path: pathlib.Path) -> None:

@@ -155,7 +155,7 @@ def _several(trials: Trials) -> None:
 
     def margins(u: np.ndarray) -> np.ndarray:
         trial = trials(u)
-        return np.array(trial.margins) if trial.margins else np.full(len(trials.limits), FAILED)
+        return np.array(trial.margins) - trial.reserve if trial.margins else np.full(len(trials.limits), FAILED)
 
     held = [NonlinearConstraint(margins, INSIDE, np.inf)] if trials.limits else []
     for trial in ranked[:STARTS]:

@@ -28,6 +28,7 @@ from ..space import State
 from ..statics import solve_static
 from ..summary import describe, flat, size
 from ..transfer import Transfer
+from ..verdicts import assess, tell
 
 SAME = 1e-12  # of a range: designs this close are one
 PARTS = 6  # times that the way from the nearest design is halved
@@ -43,6 +44,7 @@ class Limit:
     result: str
     bound: float
     most: bool
+    check: str = ""  # the name of a check of the scene, which knows its own bound
 
     def margin(self, value: float) -> float:
         """Signed distance of a value from the bound."""
@@ -50,6 +52,8 @@ class Limit:
         return float(np.clip(away / (abs(self.bound) or 1.0), -1e6, 1e6))
 
     def __str__(self) -> str:
+        if self.check:
+            return f"check {self.check!r}"
         return f"{self.result} {'<=' if self.most else '>='} {self.bound:g}"
 
 
@@ -82,16 +86,29 @@ class Trial:
     pieces: np.ndarray = field(default_factory=lambda: np.full(1, np.inf))
     margin_pieces: np.ndarray = field(default_factory=lambda: np.zeros(0))
     first: tuple[Model, State] | None = None
+    reserve: float = 0.0
 
     @property
     def feasible(self) -> bool:
-        """True if it ran to the end and keeps all limits."""
-        return not self.reason and min(self.margins, default=0.0) >= 0.0
+        """True if it ran to the end and keeps all limits with the margin asked for."""
+        return not self.reason and self.margin >= 0.0
 
     @property
     def margin(self) -> float:
-        """The least margin; 0 without limits."""
-        return min(self.margins, default=0.0) if not self.reason else FAILED
+        """The least margin less what is asked for; 0 without limits."""
+        return min(self.margins, default=self.reserve) - self.reserve if not self.reason else FAILED
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """What a design gives at one end of its stiffness."""
+
+    results: dict[str, float]
+    margins: tuple[float, ...]
+    objective: float
+    pieces: np.ndarray
+    held: np.ndarray
+    first: tuple[Model, State] | None
 
 
 class OutOfRuns(Exception):
@@ -106,10 +123,12 @@ class Trials:
             raise SceneError(f"{scene.source.path}: has no [design] that says what to choose.")
         self.scene, self.design, self.progress = scene, scene.tables.design, progress
         self.limits = limits_of(self.design.limits)
+        self._given = len(self.limits)
+        self.limits += [Limit(f"checks.{check.name}.worst.value", np.nan, False, check.name) for check in scene.checks]
         self.low, self.high = bounds(self.design).T
         self.done: list[Trial] = []
         self.iterations = 0
-        named = [self.design.minimise, *(limit.result for limit in self.limits), *(self.design.tradeoff or ())]
+        named = [self.design.minimise, *(limit.result for limit in self.design.limits), *(self.design.tradeoff or ())]
         self._parts = scene.parts if any(name.startswith("clearances.") for name in named) else ()
 
     def start(self) -> np.ndarray:
@@ -143,32 +162,54 @@ class Trials:
         number, changes = len(self.done), self.changes(u)
         try:
             scene = self.scene.changed(changes)
+            ends = [scene, *([scene.sticking()] if scene.banded else ())]
             start = self._first(scene.model, u, PARTS)
-            history = solve_scene(scene, start)
+            found = [self._end(end, changes, start, scene.model) for end in ends]
+        except NamesError:
+            raise
         except (SceneError, ConvergenceError) as error:
-            return Trial(number, u, changes, str(error).splitlines()[0])
+            return Trial(number, u, changes, str(error).splitlines()[0], reserve=self.design.margin)
+        results = dict(found[0].results)
+        worst = [found[int(np.argmin([end.margins[k] for end in found]))] for k in range(len(self.limits))]
+        for limit, end in zip(self.limits, worst, strict=True):
+            results[limit.result] = end.results.get(limit.result, np.inf)
+        highest = max(found, key=lambda end: end.objective)
+        results[self.design.minimise] = highest.objective
+        return Trial(
+            number, u, changes, "", results, tuple(end.margins[k] for k, end in enumerate(worst)), highest.objective,
+            tuple(scene.model.warnings), np.concatenate([end.pieces for end in found]),
+            np.concatenate([end.held for end in found]), found[0].first, self.design.margin,
+        )  # fmt: skip
+
+    def _end(self, scene: Scene, changes: dict[str, Any], start: State | None, of: Model) -> _End:
+        """Results, margins and objective of a scene at one end of its stiffness; start: a state of the model `of`."""
+        if start is not None and scene.model is not of:
+            start = Transfer(of, scene.model).state(start)
+        history = solve_scene(scene, start)
         if history.status == "stopped":  # by Ctrl-C
             raise OutOfRuns
         self.iterations += history.counters.iterations
         said = describe(history, self._parts)
         for drive in scene.drives:
             said["hinges"][drive.part.name]["drive"] = describe_drive(history, drive)
-        results = {path: size(path, value) for path, value in (flat(said) | changes).items() if _is_number(value)}
+        verdicts = assess(history, scene.checks, scene.parts)
+        told = flat(said | tell(verdicts)) | changes
+        results = {path: size(path, value) for path, value in told.items() if _is_number(value)}
         self._check_names(results, said)
-        margins = tuple(limit.margin(_value(results, limit.result)) for limit in self.limits)
-        first = None if scene.model.contacts else (history.model, history.records[0].state)
-        told = tuple(scene.model.warnings)
-        objective = _value(results, self.design.minimise)
         at = np.linspace(history.order[0], history.order[-1], len(scene.times))
-        pieces = series(history, self.design.minimise, at)
-        held = [
-            [margin, *(limit.margin(x) for x in series(history, limit.result, at))]
-            for limit, margin in zip(self.limits, margins, strict=True)
-        ]
-        return Trial(
-            number, u, changes, "", results, margins, objective, told,
-            np.array([objective, *pieces]), np.array([x for some in held for x in some]), first,
-        )  # fmt: skip
+        margins, held = [], []
+        for limit in self.limits[: self._given]:
+            margins.append(limit.margin(_value(results, limit.result)))
+            held += [margins[-1], *(limit.margin(x) for x in series(history, limit.result, at))]
+        for verdict in verdicts:
+            unknown = verdict.status == "UNKNOWN" or not np.isfinite(verdict.margin)
+            margins.append(min(verdict.margin, FAILED) if unknown else verdict.margin)
+            course = np.where(np.isfinite(verdict.course.margin), verdict.course.margin, FAILED)
+            held += [margins[-1], *np.interp(at, history.order, course)]
+        objective = _value(results, self.design.minimise)
+        first = None if scene.model.contacts else (history.model, history.records[0].state)
+        pieces = np.array([objective, *series(history, self.design.minimise, at)])
+        return _End(results, tuple(margins), objective, pieces, np.array(held) - self.design.margin, first)
 
     def _first(self, model: Model, u: np.ndarray, parts: int) -> State | None:
         """First state of a design, from that of the nearest one; None: from the drawn route."""

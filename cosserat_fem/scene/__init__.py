@@ -19,6 +19,7 @@ from ..continuation import STEPS
 from ..drive import Drive
 from ..dynamics import check_dynamic
 from ..errors import SceneError
+from ..limits import Check
 from ..march import Resolution, Watch
 from ..mechanism import Part
 from ..model import Model
@@ -27,6 +28,7 @@ from ..terms import Term
 from .aim import design_faults
 from .build import Builder
 from .edit import changed, said
+from .limits import build_checks
 from .lines import Path
 from .load import Source, read, validate
 from .tables import SceneTables
@@ -43,7 +45,9 @@ class Scene:
 
     parts: all of them, also those that hold no rod and are not in the model.
     times (T,) [s]: stations of a quasi-static run, kept states of a run in time; the one time of a static run; first and
-    last time of a path. loads: those that a path multiplies. drives: what turns hinges.
+    last time of a path. loads: those that a path multiplies. drives: what turns hinges. checks: limits on what is found.
+    banded: rods whose stiffness is a band; the model is that of slipping strands, and `sticking` the scene at the other end.
+    catalogue: cables of the catalogue that the scene names.
     """
 
     source: Source
@@ -54,6 +58,9 @@ class Scene:
     contact_of: Callable[[str], Path] = field(repr=False)
     loads: tuple[Term, ...] = ()
     drives: tuple[Drive, ...] = ()
+    checks: tuple[Check, ...] = ()
+    banded: tuple[str, ...] = ()
+    catalogue: tuple[str, ...] = ()
 
     @property
     def title(self) -> str:
@@ -77,7 +84,9 @@ class Scene:
         given = self.tables.solve.resolution
         if given is False or (given is None and not wanted and not self.drives and self.tables.solve.travel != "both"):
             return None
-        return Resolution(watch=watch) if given is None else Resolution(float(given), watch=watch)
+        idle = [part for part in self.parts if part not in self.model.parts]
+        turn = {} if given is None else {"turn": float(given)}
+        return Resolution(**turn, watch=watch, parts=idle)
 
     @property
     def cases(self) -> list[dict[str, Any]]:
@@ -93,6 +102,13 @@ class Scene:
     def identity(self) -> str:
         """Digest of the resolved scene and of every other file it reads."""
         return identity(self.source, self.tables)
+
+    def sticking(self) -> Scene:
+        """This scene with sticking strands in all rods whose stiffness is a band."""
+        rods = [
+            rod.model_copy(update={"strands": "stick"}) if rod.name in self.banded else rod for rod in self.tables.rod
+        ]
+        return _scene(self.source, self.tables.model_copy(update={"rod": rods}))
 
     def placed(self, error: SceneError) -> SceneError:
         """What a run found wrong with the scene, faults of contact at their lines."""
@@ -134,7 +150,11 @@ def load_scene(path: str | os.PathLike[str] | None = None) -> Scene:
 
 def build_scene(source: Source) -> Scene:
     """A scene from what was read. SceneError as for `load_scene`."""
-    tables = validate(source)
+    return _scene(source, validate(source))
+
+
+def _scene(source: Source, tables: SceneTables) -> Scene:
+    """The scene of these tables. SceneError with all faults."""
     builder = Builder(source, tables)
     if tables.sweep is not None:
         builder.faults += sweep_faults(source, tables.sweep)
@@ -142,11 +162,13 @@ def build_scene(source: Source) -> Scene:
         builder.faults += design_faults(source, tables)
     model = builder.model()
     times = _times(source, tables)
+    checks = build_checks(builder, model)
     _check_run(builder, model, times)
     loads = tuple(load for k, load in builder.loads.items() if not tables.load[k].constant)
+    parts, drives = tuple(builder.parts.values()), tuple(builder.drives.values())
     return Scene(
-        source, tables, model, tuple(builder.parts.values()), times, builder.contact_of, loads,
-        tuple(builder.drives.values()),
+        source, tables, model, parts, times, builder.contact_of, loads, drives, tuple(checks),
+        tuple(builder.banded), tuple(builder.cables.used),
     )  # fmt: skip
 
 

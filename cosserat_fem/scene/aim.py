@@ -84,6 +84,8 @@ def design_faults(source: Source, tables: SceneTables) -> list[str]:
         fault(f'needs solve.kind = "static" or "quasistatic" (got "{tables.solve.kind}").')
     if not 0.0 < design.tolerance < 0.5:
         fault(f"tolerance must be above 0 and below 0.5 (got {design.tolerance:g}).", "tolerance")
+    if design.margin < 0.0:
+        fault(f"margin must be at least 0 (got {design.margin:g}).", "margin")
     if design.runs < 1:
         fault(f"runs must be at least 1 (got {design.runs}).", "runs")
     seen: dict[tuple[Path, Any], int] = {}

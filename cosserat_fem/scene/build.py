@@ -25,8 +25,11 @@ from ..support import Clamp, Pin, Support, Weld
 from ..terms import Damping, Drag, Electrostatic, Gravity, LineLoad, PartContact, PointLoad, RodContact, Term
 from ..terms.touch import MOST_CELLS
 from . import lines
+from .cables import CableShop, implausible
+from .limits import build_limits
 from .load import Source, short, sorted_faults
 from .tables import (
+    BuiltSection,
     GeneralSection,
     HingeTable,
     LineLoadTable,
@@ -60,6 +63,8 @@ class Builder:
         self.faults: list[str] = []
         self.notes: list[str] = []  # warnings
         self.sections: dict[str, Section] = {}
+        self.cables = CableShop(source, tables.section, self.faults)
+        self.banded: list[str] = []  # rods to be run with slipping and with sticking strands
         self.rods: dict[str, Rod] = {}
         self.parts: dict[str, Part] = {}
         self._welded: dict[frozenset[tuple[str, float]], int] = {}
@@ -86,6 +91,7 @@ class Builder:
         self._each("contact", tables.contact, self._contact, {})
         self.drives: dict[int, Drive] = {}
         self._each("drive", tables.drive, self._drive, self.drives)
+        self.limits = build_limits(self)
         if tables.solve.rotation == "kardan" and tables.contact:
             reason = 'contact needs rotation = "quaternion".'
             self.faults.append(source.fault(("solve", "rotation"), reason))
@@ -230,7 +236,9 @@ class Builder:
             self.faults.append(self.source.fault(path, f'{kind} "{name}" does not exist. {nearest(name, names)}'))
         return None
 
-    def _section(self, table: Any, path: lines.Path) -> Section:
+    def _section(self, table: Any, path: lines.Path) -> Section | None:
+        if isinstance(table, BuiltSection):
+            return self.cables.built(table, path)
         given = table.model_dump(exclude={"kind", "name"})
         if isinstance(table, GeneralSection):
             if table.coupled is not None:
@@ -241,24 +249,23 @@ class Builder:
         return make(*[given.pop(key) for key in size], **given)
 
     def _rod(self, table: RodTable, path: lines.Path) -> Rod | None:
-        section: Any
-        if isinstance(table.section, str):
-            section = self._find(self.sections, self.tables.section, table.section, "section", (*path, "section"))
-        else:
-            section = [
-                (s, self._find(self.sections, self.tables.section, name, "section", (*path, "section", k)))
-                for k, (s, name) in enumerate(table.section)
-            ]
+        section, banded = self.cables.section(table, path, self.sections)
         if (table.points is None) == (table.file is None):
             raise ValueError("needs either 'points' or 'file'.")
         if table.file is not None:
             points = read_curve(self.source.folder / table.file, f"rod {table.name!r}")
         else:
             points = np.array(table.points, dtype=float)
-        if section is None or (isinstance(section, list) and any(made is None for _, made in section)):
+        if section is None:
             return None
-        options = table.model_dump(exclude={"name", "section", "points", "file", "unit"}, exclude_unset=True)
-        return Rod(table.name, section, points * table.unit, **options)
+        options = table.model_dump(exclude={"name", "section", "strands", "points", "file", "unit"}, exclude_unset=True)
+        rod = Rod(table.name, section, points * table.unit, **options)
+        if banded:
+            self.banded.append(table.name)
+        names = [table.section] if isinstance(table.section, str) else [name for _, name in table.section]
+        used = zip(names, (made for _, made in rod.sections), strict=True)
+        self.notes += [self.source.fault((*path, "section"), text) for text in implausible(used)]
+        return rod
 
     def _part(self, table: Any, path: lines.Path) -> Part:
         if table.name == "ground":

@@ -188,6 +188,8 @@ def _real_path(source: Source, location: tuple[str | int, ...]) -> Path:
     tagged: set[Path] = set()
     for k, key in enumerate(location):
         table = source.value(path)
+        if path and not isinstance(table, dict | list):  # what may be written shorter
+            break
         if k < len(location) - 1 and isinstance(table, dict) and table.get("kind") == key and path not in tagged:
             tagged.add(path)  # a tag may also be the name of a key
             continue
@@ -210,13 +212,15 @@ def _keys(path: Path) -> str:
 def _tags(error: dict[str, Any]) -> str:
     where = error["loc"]
     tags = {
-        "section": "'round', 'rectangle', 'general'",
+        "section": "'round', 'rectangle', 'general', 'built'",
+        "layers": "'strands', 'cables', 'tube', 'braid', 'tape'",
         "support": "'clamp', 'pin', 'weld'",
         "load": "'point', 'line'",
         "contact": "'part', 'rods'",
         "shape": "'plane', 'sphere', 'cylinder', 'capsule', 'box', 'torus'",
     }
-    return tags.get(str("shape" if "shape" in where else where[0]), "'hinge', 'slider', 'path'")
+    inner = next((key for key in ("shape", "layers") if key in where), where[0])
+    return tags.get(str(inner), "'hinge', 'slider', 'path'")
 
 
 def known_keys(source: Source, path: Path) -> list[str]:

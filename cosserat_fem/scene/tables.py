@@ -71,6 +71,25 @@ def one_or_more(table: Any) -> Any:
     return Annotated[list[table], BeforeValidator(lambda value: [value] if isinstance(value, dict) else value)]
 
 
+def limits_of(table: Any) -> Any:
+    """A limit, a table or a list of tables, read as a list of tables."""
+
+    def read(value: Any) -> Any:
+        if isinstance(value, dict):
+            return [value]
+        return value if isinstance(value, list) else [{"limit": value}]
+
+    return Annotated[list[table], BeforeValidator(read), _OrShorter()]
+
+
+class _OrShorter:
+    """In the JSON schema: a list of tables may also be one of them, or the limit alone."""
+
+    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Callable[[Any], Any]) -> Any:
+        several = handler(core_schema)
+        return {"anyOf": [{"type": ["number", "string"]}, several["items"], several]}
+
+
 def _section(value: Any) -> Any:
     if isinstance(value, str):
         return value
@@ -193,11 +212,85 @@ class GeneralSection(Table):
     outline: tuple[quantity("length"), quantity("length")] | None = None
 
 
+class StrandsTable(Table):
+    """Round wires, packed or in a ring around what is inside."""
+
+    kind: Literal["strands"]
+    count: Integer
+    diameter: quantity("length")
+    lay: quantity("length") | None = None
+    material: str | None = None
+    youngs_modulus: quantity("pressure") | None = None
+    shear_modulus: quantity("pressure") | None = None
+    density: quantity("density") | None = None
+
+
+class CablesTable(Table):
+    """Cables of the catalogue or of sections before this one, packed or in a ring around what is inside."""
+
+    kind: Literal["cables"]
+    count: Integer
+    cable: Name
+    lay: quantity("length") | None = None
+
+
+class TubeTable(Table):
+    """Insulation, jacket or filler."""
+
+    kind: Literal["tube"]
+    diameter: quantity("length") | None = None
+    thickness: quantity("length") | None = None
+    material: str | None = None
+    youngs_modulus: quantity("pressure") | None = None
+    shear_modulus: quantity("pressure") | None = None
+    density: quantity("density") | None = None
+
+
+class BraidTable(Table):
+    """A shield or sleeve of crossing wires."""
+
+    kind: Literal["braid"]
+    wires: Integer
+    diameter: quantity("length")
+    angle: quantity("angle")
+    material: str | None = None
+    youngs_modulus: quantity("pressure") | None = None
+    shear_modulus: quantity("pressure") | None = None
+    density: quantity("density") | None = None
+
+
+class TapeTable(Table):
+    """A wrap of tape."""
+
+    kind: Literal["tape"]
+    thickness: quantity("length")
+    overlap: quantity("number") = 0.0
+    material: str | None = None
+    youngs_modulus: quantity("pressure") | None = None
+    shear_modulus: quantity("pressure") | None = None
+    density: quantity("density") | None = None
+
+
+LayerTable = Annotated[StrandsTable | CablesTable | TubeTable | BraidTable | TapeTable, Field(discriminator="kind")]
+
+
+class BuiltSection(Table):
+    """A cable of layers: its bending and twist stiffness is a band from slipping to sticking strands."""
+
+    kind: Literal["built"]
+    name: Name
+    layers: Annotated[list[LayerTable], Field(min_length=1)]
+    diameter: quantity("length") | None = None
+    mass_per_length: quantity("mass per length") | None = None
+    bending_stiffness: tuple[quantity("bending stiffness"), quantity("bending stiffness")] | None = None
+
+
 class RodTable(Table):
     """A cable: a drawn curve (points or file) with a section."""
 
     name: Name
-    section: custom(_section, "name of a section, or a list of [s, name]")
+    section: custom(_section, "name of a section or of a cable of the catalogue, or a list of [s, name]")
+    strands: Literal["slip", "stick", "band"] | None = None
     points: list[tuple[quantity("length"), quantity("length"), quantity("length")]] | None = None
     file: str | None = None
     unit: Unit = 1.0
@@ -483,6 +576,91 @@ class DriveTable(Table):
     lines: list[DriveLineTable] = []
 
 
+class BendRadiusTable(Table):
+    """Least bend radius."""
+
+    limit: quantity("length") | None = None
+    diameters: quantity("number") | None = None
+    rule: Name | None = None
+    wire_diameter: quantity("length") | None = None
+    measured: Literal["inside", "centreline"] = "inside"
+    rod: Name | None = None
+    name: Name | None = None
+
+
+class RodForceTable(Table):
+    """Largest tension or compression in a rod."""
+
+    limit: quantity("force")
+    rod: Name | None = None
+    name: Name | None = None
+
+
+class StrainTable(Table):
+    """Largest longitudinal strain of any fibre of a rod."""
+
+    limit: quantity("number")
+    rod: Name | None = None
+    name: Name | None = None
+
+
+class TwistTable(Table):
+    """Largest twist of a rod."""
+
+    limit: quantity("curvature")
+    rod: Name | None = None
+    name: Name | None = None
+
+
+class ReactionForceTable(Table):
+    """Largest force of a support."""
+
+    limit: quantity("force")
+    support: Name | None = None
+    name: Name | None = None
+
+
+class ReactionMomentTable(Table):
+    """Largest moment of a support."""
+
+    limit: quantity("moment")
+    support: Name | None = None
+    name: Name | None = None
+
+
+class HingeTorqueTable(Table):
+    """Largest torque that the drive of a hinge must supply."""
+
+    limit: quantity("moment")
+    part: Name | None = None
+    name: Name | None = None
+
+
+class ClearanceTable(Table):
+    """Least distance of a rod's surface from a part or from another rod's."""
+
+    limit: quantity("length")
+    rod: Name | None = None
+    part: Name | None = None
+    other: Name | None = None
+    leave_out: list[tuple[quantity("length"), quantity("length")]] = []
+    name: Name | None = None
+
+
+class ChecksTable(Table):
+    """What is allowed: a limit for everything, a table that says on what, or a list of such tables."""
+
+    bend_radius: limits_of(BendRadiusTable) | None = None
+    tension: limits_of(RodForceTable) | None = None
+    compression: limits_of(RodForceTable) | None = None
+    strain: limits_of(StrainTable) | None = None
+    twist: limits_of(TwistTable) | None = None
+    reaction_force: limits_of(ReactionForceTable) | None = None
+    reaction_moment: limits_of(ReactionMomentTable) | None = None
+    hinge_torque: limits_of(HingeTorqueTable) | None = None
+    clearance: limits_of(ClearanceTable) | None = None
+
+
 class OutputTable(Table):
     """Where results go and how many."""
 
@@ -543,6 +721,7 @@ class DesignTable(Table):
     minimise: Name
     vary: Annotated[list[VariableTable], Field(min_length=1)]
     limits: list[LimitTable] = []
+    margin: quantity("number") = 0.0
     tolerance: quantity("number") = 1e-4
     runs: Integer = 200
     tradeoff: tuple[Name, Name] | None = None
@@ -553,7 +732,9 @@ class SceneTables(Table):
     """A whole scene file."""
 
     title: str = ""
-    section: list[Annotated[RoundSection | RectangleSection | GeneralSection, Field(discriminator="kind")]]
+    section: list[
+        Annotated[RoundSection | RectangleSection | GeneralSection | BuiltSection, Field(discriminator="kind")]
+    ] = []
     rod: Annotated[list[RodTable], Field(min_length=1)]
     part: list[PartTable] = []
     support: list[Annotated[ClampTable | PinTable | WeldTable, Field(discriminator="kind")]] = []
@@ -564,6 +745,7 @@ class SceneTables(Table):
     electrostatic: list[ElectrostaticTable] = []
     contact: list[Annotated[PartContactTable | RodContactTable, Field(discriminator="kind")]] = []
     drive: list[DriveTable] = []
+    checks: ChecksTable | None = None
     solve: SolveTable
     output: OutputTable = OutputTable()
     sweep: SweepTable | None = None

@@ -98,7 +98,8 @@ def _write_case(job: Job, place: pathlib.Path) -> str:
     else:
         with RunFolder(place) as held:
             try:
-                outcome = run_scene(scene, held, keep=Keep(KEPT, job.errors, job.clearances))
+                errors = job.errors or bool(scene.checks)  # a verdict needs them
+                outcome = run_scene(scene, held, keep=Keep(KEPT, errors, job.clearances))
             except SceneError as error:
                 status, reason = "refused", str(error)
             else:

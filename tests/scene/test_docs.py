@@ -15,6 +15,12 @@ CHAPTERS = {
     'Section `kind = "round"`': tables.RoundSection,
     'Section `kind = "rectangle"`': tables.RectangleSection,
     'Section `kind = "general"`': tables.GeneralSection,
+    'Section `kind = "built"`': tables.BuiltSection,
+    'Layer `kind = "strands"`': tables.StrandsTable,
+    'Layer `kind = "cables"`': tables.CablesTable,
+    'Layer `kind = "tube"`': tables.TubeTable,
+    'Layer `kind = "braid"`': tables.BraidTable,
+    'Layer `kind = "tape"`': tables.TapeTable,
     "Rod": tables.RodTable,
     "Part": tables.PartTable,
     'Shape `kind = "plane"`': tables.PlaneTable,
@@ -37,6 +43,15 @@ CHAPTERS = {
     "Electrostatic": tables.ElectrostaticTable,
     'Contact `kind = "part"`': tables.PartContactTable,
     'Contact `kind = "rods"`': tables.RodContactTable,
+    "Checks": tables.ChecksTable,
+    "Check `bend_radius`": tables.BendRadiusTable,
+    "Check `tension` or `compression`": tables.RodForceTable,
+    "Check `strain`": tables.StrainTable,
+    "Check `twist`": tables.TwistTable,
+    "Check `reaction_force`": tables.ReactionForceTable,
+    "Check `reaction_moment`": tables.ReactionMomentTable,
+    "Check `hinge_torque`": tables.HingeTorqueTable,
+    "Check `clearance`": tables.ClearanceTable,
     "Start velocity": tables.VelocityTable,
     "Drive": tables.DriveTable,
     "Line of a drive": tables.DriveLineTable,
@@ -88,7 +103,7 @@ def test_examples_are_one_scene_that_runs(tmp_path):
     history = cf.solve_quasistatic(scene.model, scene.times)
     assert history.status == "converged"
     assert max(record.residual for record in history.records) < 1e-8
-    for table in ("section", "rod", "part", "support", "gravity", "load", "contact", "solve", "output"):
+    for table in ("section", "rod", "part", "support", "gravity", "load", "contact", "checks", "solve", "output"):
         assert scene.source.data[table]
     [guide] = [h for h in scene.model.supports if h.name == "guide"]
     np.testing.assert_allclose(guide.frame[:, 0], np.sqrt([0.5, 0.5, 0]))  # a row of the file is an axis
