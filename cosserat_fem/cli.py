@@ -4,7 +4,7 @@ Rule: this room only talks; work is done below. Nothing heavy is imported until 
 answers at once. Results and progress go to standard output, faults to standard error.
 
 Exit codes: 0 fine; 1 stopped early (partial results are written, the reason is in summary.json); 2 the scene, a file or
-an argument is wrong; 3 a check or the margin of a drive is violated, or not known.
+an argument is wrong; 3 a check or the margin of a drive is violated, or not known; no design keeps its limits.
 """
 
 from __future__ import annotations
@@ -390,6 +390,8 @@ def check(scene: pathlib.Path) -> int:
         f"{scene}: fine. {len(model.rods)} rod(s), {6 * model.space.n_nodes} unknowns, {loaded.stations} station(s), "
         + (f"{len(loaded.checks)} check(s), " if loaded.checks else "")
         + f"terms: {', '.join([model.internal.name, *(term.name for term in model.terms)])}."
+        + (f" Sweep: {len(loaded.cases)} case(s)." if loaded.cases else "")
+        + (f" Design: {len(loaded.tables.design.vary)} value(s)." if loaded.tables.design is not None else "")
     )
     return OK
 
@@ -522,12 +524,12 @@ def render(
     film: Annotated[bool, Parameter(negative="")] = False,
     out: Out = None,
 ) -> int:
-    """Draw a run: its plots and pictures again, one state, or a film.
+    """Draw a run: its plots and pictures again, one state, or a film; of a sweep or a design its plots.
 
     Parameters
     ----------
     folder
-        Folder of a run.
+        Folder of a run, a sweep or a design.
     step
         Number of the state to draw (negative counts from the end).
     field
@@ -537,6 +539,8 @@ def render(
     out
         File to write (.png, .jpg, ...; alone: the last state); default is in the run's folder pictures.
     """
+    if (folder / "sweep.json").is_file() or (folder / "design.json").is_file():
+        return _render_study(folder, step is not None or field is not None or film or out is not None)
     from .run import draw
 
     if not _is_run(folder):
@@ -556,6 +560,22 @@ def render(
             say(f"{'Film' if film else 'Picture'} in {path}")
     else:
         say(f"Pictures in {folder / 'pictures'}")
+    return OK
+
+
+def _render_study(folder: pathlib.Path, more: bool) -> int:
+    """Plots of a sweep or a design again."""
+    if more:
+        say_wrong(
+            f"{folder}: is not the folder of a run; of a sweep or a design there are plots only, without options."
+        )
+        return WRONG
+    if (folder / "sweep.json").is_file():
+        from .sweep.plots import plot_sweep as plot
+    else:
+        from .design.plots import plot_design as plot
+    plot(folder)
+    say(f"Plots in {folder / 'pictures'}")
     return OK
 
 
@@ -634,6 +654,124 @@ def bench(
         say_wrong("interrupted; what was measured is written.")
     say(report)
     return STOPPED if progress.interrupted else OK
+
+
+@app.command
+def sweep(
+    scene: pathlib.Path,
+    *,
+    out: Out = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    pictures: bool = True,
+    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
+) -> int:
+    """Run a scene many times with other values, as its [sweep] says; only cases that are not there yet are run.
+
+    Parameters
+    ----------
+    scene
+        Scene file (TOML) with a table [sweep].
+    out
+        Folder for the results; default is the sweep's own, or out/<name of the scene>_sweep.
+    workers
+        Run cases in so many processes (a local Dask cluster); default is this one.
+    scheduler
+        Address of a Dask scheduler to run them on.
+    pictures
+        Make plots when the results are safe.
+    quiet
+        Print nothing but faults.
+    """
+    from .bench import one_thread
+
+    one_thread()
+    from .errors import SceneError
+
+    if workers is not None and (workers < 1 or scheduler is not None):
+        wrong = (
+            "go with --workers, or with --scheduler, not both" if scheduler else f"must be at least 1 (got {workers})"
+        )
+        say_wrong(f"--workers: {wrong}.")
+        return WRONG
+    loaded = _load(scene)
+    if loaded is None:
+        return WRONG
+    from .sweep.command import run_sweep
+
+    tell = (lambda text="": None) if quiet else say
+    tell(loaded.title)
+    try:
+        with _Progress(len(loaded.cases), quiet, what="cases") as progress:
+            found = run_sweep(loaded, out, workers=workers, scheduler=scheduler, progress=progress)
+    except SceneError as error:
+        _tell_faults(error.faults)
+        return WRONG
+    except KeyboardInterrupt:
+        say_wrong("interrupted; finished cases are kept, the same command goes on.")
+        return STOPPED
+    tell(f"  {len(found.rows)} cases, {found.run} run now, {found.count('converged')} converged")
+    for note in found.notes:
+        tell(f"  {note}")
+    tell(f"Results in {found.folder}")
+    if pictures and not (found.same and (found.folder / "pictures").is_dir()):
+        from .sweep.plots import plot_sweep
+
+        plot_sweep(found.folder)
+        tell(f"Plots in {found.folder / 'pictures'}")
+    return STOPPED if found.count("lost") or found.count("missing") else OK
+
+
+@app.command
+def design(
+    scene: pathlib.Path,
+    *,
+    out: Out = None,
+    pictures: bool = True,
+    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
+) -> int:
+    """Find the values that make a result least while others keep their limits, as the scene's [design] says.
+
+    Parameters
+    ----------
+    scene
+        Scene file (TOML) with a table [design].
+    out
+        Folder for the results; default is the design's own, or out/<name of the scene>_design.
+    pictures
+        Make plots when the results are safe.
+    quiet
+        Print nothing but faults.
+    """
+    from .errors import SceneError
+
+    loaded = _load(scene)
+    if loaded is None:
+        return WRONG
+    from .design.command import run_design
+
+    tell = (lambda text="": None) if quiet else say
+    tell(loaded.title)
+    logging.getLogger("cosserat_fem").setLevel(logging.ERROR)  # warnings of trials are in their tables
+    runs = loaded.tables.design.runs if loaded.tables.design is not None else 0
+    try:
+        with _Progress(runs, quiet, what="designs at most") as progress:
+            found = run_design(loaded, out, progress=progress)
+    except SceneError as error:
+        _tell_faults(error.faults)
+        return WRONG
+    tell(f"  {len(found.trials)} designs run")
+    for line in found.lines:
+        tell(f"  {line}")
+    tell(f"Results in {found.folder}")
+    if pictures:
+        from .design.plots import plot_design
+
+        plot_design(found.folder)
+        tell(f"Plots in {found.folder / 'pictures'}")
+    if not found.complete:
+        return STOPPED
+    return OK if found.best is not None and found.safe else VIOLATED
 
 
 @app.command

@@ -12,8 +12,8 @@ import json
 import os
 import pathlib
 import re
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 
 from .band import FOLDER as STICK
@@ -234,9 +234,36 @@ class RunFolder:
                 lock.unlink()
 
 
-def _is_ours(folder: pathlib.Path) -> bool:
+def check_study(path: pathlib.Path, about: str, ours: Iterable[str]) -> None:
+    """SceneError if a folder holds what is not of a study whose own file is `about` and whose other names are `ours`."""
+    if not path.exists():
+        return
+    where = f"output folder {str(path)!r}"
+    if not path.is_dir():
+        raise SceneError(f"{where}: is a file. Choose another with -o.")
+    held = sorted(entry.name for entry in path.iterdir())
+    strangers = [name for name in held if name not in (about, LOCK, *ours)]
+    if strangers or (held and not _is_ours(path, about)):
+        raise SceneError(
+            f"{where}: holds {[*strangers, *held][0]!r} and is not that of an earlier such study alone. Choose another "
+            "with -o."
+        )
+
+
+@contextmanager
+def hold(path: pathlib.Path) -> Iterator[None]:
+    """Hold a folder as a run does, whatever is in it. SceneError if a living process has it."""
+    folder = RunFolder(path)
+    folder._hold()
     try:
-        return json.loads((folder / "summary.json").read_text(encoding="utf-8")).get("program") == PROGRAM
+        yield
+    finally:
+        folder._release()
+
+
+def _is_ours(folder: pathlib.Path, about: str = "summary.json") -> bool:
+    try:
+        return json.loads((folder / about).read_text(encoding="utf-8")).get("program") == PROGRAM
     except (OSError, ValueError, AttributeError, RecursionError):
         return False
 

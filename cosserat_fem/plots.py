@@ -36,7 +36,7 @@ def plot_run(folder: pathlib.Path, out: pathlib.Path) -> list[pathlib.Path]:
 
     Returns their paths.
     """
-    return [path for name, figure in figures(folder).items() for path in _save(figure, out / name)]
+    return [path for name, figure in figures(folder).items() for path in save(figure, out / name)]
 
 
 def figures(folder: pathlib.Path, *, single: bool = False) -> dict[str, Figure]:
@@ -75,7 +75,8 @@ def _tables(folder: pathlib.Path) -> tuple[Tables, Tables]:
     return read_table(folder / "reactions.csv", "support"), read_table(folder / "hinge_torque.csv", "part")
 
 
-def _save(figure: Figure, stem: pathlib.Path) -> list[pathlib.Path]:
+def save(figure: Figure, stem: pathlib.Path) -> list[pathlib.Path]:
+    """Write a figure as svg and png; return their paths."""
     paths = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
     for path in paths:
         replace_file(path, lambda temporary: figure.savefig(temporary, dpi=150))

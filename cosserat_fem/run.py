@@ -81,15 +81,35 @@ class Phases:
             self.cpu[name] = round(time.process_time() - cpu, 4)
 
 
+@dataclass(frozen=True)
+class Keep:
+    """What a run writes besides scene.toml and summary.json; a study of many runs keeps little.
+
+    results: names of the result files, default all. errors: estimate discretisation errors for the summary. clearances:
+    measure distances from parts for it.
+    """
+
+    results: tuple[str, ...] | None = None
+    errors: bool = True
+    clearances: bool = True
+
+
+ALL = Keep()
+
+
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a run left: its folder, history (None if nothing was found), the reason if it stopped early, files written."""
+    """What a run left: its folder, history (None if nothing was found), the reason if it stopped early, files written.
+
+    by_chance: the user or the machine ended it (Ctrl-C, memory, disk), so that the same scene may go further again.
+    """
 
     folder: pathlib.Path
     history: History | None
     reason: str = ""
     written: tuple[str, ...] = ()
     complete: bool = False  # every result of the history is on the disk
+    by_chance: bool = False
     verdicts: dict[str, dict[str, Any]] = field(default_factory=dict)  # on drives, by part
     checks: tuple[Verdict, ...] = ()
     before: tuple[str, ...] = ()  # verdicts of a run that was complete when the one with sticking strands was resumed
@@ -121,6 +141,7 @@ def run_scene(
     announce: Callable[[str], None] | None = None,
     phases: Phases | None = None,
     resume: bool = False,
+    keep: Keep = ALL,
 ) -> Outcome:
     """Run a scene and write its results, without pictures (see `draw`). Ctrl-C stops it; what was found is written.
 
@@ -139,6 +160,7 @@ def run_scene(
         Told when kernels are compiled for the first time on this machine.
     resume : bool
         Go on with the run in time whose checkpoint is in the folder; see `resume_scene`.
+    keep : what to write; default all
 
     Raises
     ------
@@ -147,10 +169,10 @@ def run_scene(
     """
     if not isinstance(out, RunFolder):
         with RunFolder(scene.folder if out is None else out, scene.inputs, force=force, resume=resume) as held:
-            return run_scene(scene, held, progress=progress, announce=announce, phases=phases, resume=resume)
+            return run_scene(scene, held, progress=progress, announce=announce, phases=phases, resume=resume, keep=keep)
     if not scene.banded:
-        return _run_once(scene, out, progress, announce, phases, resume)
-    return _run_both(scene, out, progress, announce, phases, resume)
+        return _run_once(scene, out, progress, announce, phases, resume, keep)
+    return _run_both(scene, out, progress, announce, phases, resume, keep)
 
 
 def _run_both(
@@ -160,6 +182,7 @@ def _run_both(
     announce: Callable[[str], None] | None,
     phases: Phases | None,
     resume: bool,
+    keep: Keep,
 ) -> Outcome:
     """Run with slipping, then with sticking strands; what was done before a `resume` is not done again."""
     asked, n = False, scene.stations
@@ -177,7 +200,7 @@ def _run_both(
         found = verdicts(json.loads((out.path / "summary.json").read_text(encoding="utf-8")))
         slip = Outcome(out.path, None, complete=True, before=tuple(found.values()))
     else:
-        slip = _run_once(scene, out, part(0), announce, phases, resume)
+        slip = _run_once(scene, out, part(0), announce, phases, resume, keep)
     if asked or slip.reason == "interrupted":
         return slip
     try:
@@ -185,13 +208,15 @@ def _run_both(
     except OSError as error:
         return replace(slip, reason=_both(slip.reason, f"sticking strands: {_why(error)}"))
     resume &= (folder.path / CHECKPOINT).is_file()
-    stick = _run_once(scene.sticking(), folder, part(n), announce, None, resume)
+    stick = _run_once(scene.sticking(), folder, part(n), announce, None, resume, keep)
     reason = _both(slip.reason, f"with sticking strands: {stick.reason}") if stick.reason else slip.reason
     try:
         _add_band(out.path, scene.banded, reason)
     except (OSError, ValueError) as error:
         reason = _both(reason, f"band in summary.json could not be written: {_why(error)}")
-    return replace(slip, reason=reason, complete=slip.complete and stick.complete, sticking=stick)
+    by_chance = slip.by_chance or stick.by_chance
+    complete = slip.complete and stick.complete
+    return replace(slip, reason=reason, complete=complete, sticking=stick, by_chance=by_chance)
 
 
 def _add_band(folder: pathlib.Path, rods: tuple[str, ...], reason: str) -> None:
@@ -217,10 +242,11 @@ def _run_once(
     announce: Callable[[str], None] | None,
     phases: Phases | None,
     resume: bool,
+    keep: Keep,
 ) -> Outcome:
     """Run a scene at one end of its stiffness into a folder that is held."""
     phases = phases or Phases()
-    writer = _Writer(scene, out.path, phases)
+    writer = _Writer(scene, out.path, phases, keep)
     try:
         if not resume:
             writer.text("scene.toml", scene.resolved())
@@ -233,20 +259,22 @@ def _run_once(
             announce("Compiling the kernels, once for this machine and version: about a minute.")
 
     clock = CompileClock(first)
-    reason, history = "", None
+    reason, history, by_chance = "", None, False
     try:
         with clock, phases.measure("solve"):
             history = _solve(scene, progress, out.path, resume)
         reason = history.message if history.status == "stopped" else ""
+        by_chance = reason.startswith("interrupted")
     except ConvergenceError as error:
         reason, history = str(error), error.history
     except KeyboardInterrupt:
-        reason = "interrupted"
+        reason, by_chance = "interrupted", True
     except MemoryError as error:
-        reason = out_of_memory(error)
+        reason, by_chance = out_of_memory(error), True
     except _FramesError as error:
-        reason, history = str(error), error.history
+        reason, history, by_chance = str(error), error.history, True
     except OSError as error:  # the only other files of a solution are those of the compiler
+        by_chance = True
         reason = f"compiled kernels could not be kept: {_why(error)}. Set NUMBA_CACHE_DIR to a folder with space"
     except SceneError as error:
         error = scene.placed(error)
@@ -258,17 +286,18 @@ def _run_once(
         history = None
     if history is not None:
         with phases.measure("write"):
-            reason = _both(reason, writer.results(history))
+            unwritten = writer.results(history)
+        reason, by_chance = _both(reason, unwritten), by_chance or bool(unwritten)
     message = history.message if history is not None else ""
     try:
         writer.summary("stopped" if reason else "converged", reason or message, history)
     except (OSError, MemoryError) as error:
-        reason = _both(reason, f"summary.json could not be written: {_why(error)}")
+        reason, by_chance = _both(reason, f"summary.json could not be written: {_why(error)}"), True
     if writer.complete and not reason:
         for name in (FRAMES, CHECKPOINT):
             (out.path / name).unlink(missing_ok=True)
-    written = tuple(writer.written)
-    return Outcome(out.path, history, reason, written, writer.complete, writer.verdicts, tuple(writer.checks))
+    written, checks = tuple(writer.written), tuple(writer.checks)
+    return Outcome(out.path, history, reason, written, writer.complete, by_chance, writer.verdicts, checks)
 
 
 def resume_scene(
@@ -307,14 +336,26 @@ def _why(error: BaseException) -> str:
     return getattr(error, "strerror", None) or one_line(error)
 
 
+def solve_scene(scene: Scene, start: State | None = None) -> History:
+    """Solve a static or quasi-static scene from a state of its model; nothing is written."""
+    return _solve(scene, None, pathlib.Path(), False, start)
+
+
 def _solve(
-    scene: Scene, progress: Callable[[int, int], bool | None] | None, folder: pathlib.Path, resume: bool
+    scene: Scene,
+    progress: Callable[[int, int], bool | None] | None,
+    folder: pathlib.Path,
+    resume: bool,
+    start: State | None = None,
 ) -> History:
     if scene.tables.solve.kind == "dynamic":
         return _solve_in_time(scene, progress, folder, resume)
     if scene.tables.solve.kind == "static":
         table = scene.tables.solve
-        history = solve_static(scene.model, t=float(scene.times[0]), steps=table.steps, accuracy=table.accuracy)
+        steps = table.steps if start is None else None
+        history = solve_static(
+            scene.model, t=float(scene.times[0]), start=start, steps=steps, accuracy=table.accuracy
+        )  # fmt: skip
         if progress is not None:
             progress(1, 1)
         return history
@@ -330,7 +371,7 @@ def _solve(
 
     table = scene.tables.solve
     history = solve_quasistatic(
-        scene.model, scene.times, past_limits=table.past_limits, callback=callback, accuracy=table.accuracy,
+        scene.model, scene.times, start=start, past_limits=table.past_limits, callback=callback, accuracy=table.accuracy,
         travel=table.travel, resolution=scene.resolution(watches(scene.checks), wanted=bool(scene.checks)),
     )  # fmt: skip
     if asked:
@@ -474,8 +515,8 @@ def rebuild(folder: pathlib.Path) -> History:
 class _Writer:
     """Results of one run into its folder."""
 
-    def __init__(self, scene: Scene, folder: pathlib.Path, phases: Phases) -> None:
-        self.scene, self.folder, self.phases = scene, folder, phases
+    def __init__(self, scene: Scene, folder: pathlib.Path, phases: Phases, keep: Keep = ALL) -> None:
+        self.scene, self.folder, self.phases, self.keep = scene, folder, phases, keep
         self.written: list[str] = []
         self.complete = False
         self.modes: Modes | None = None
@@ -514,6 +555,8 @@ class _Writer:
             kept = (partial(write, verdicts=self.checks) for write in (write_checks, write_margins))
             named |= dict(zip(CHECKED, kept, strict=True))
         for name, write in named.items():
+            if self.keep.results is not None and name not in self.keep.results:
+                continue
             try:
                 write(history, self.folder / name)
             except KeyboardInterrupt:
@@ -560,14 +603,16 @@ class _Writer:
             "reason": reason,
         }
         if history is not None and len(history):
-            data |= describe(history, self.scene.parts)
+            parts = self.scene.parts if self.keep.clearances else ()
+            data |= describe(history, parts)
             data |= tell(self.checks) if self.checks else {}
-            with self.phases.measure("estimate"):
-                try:
-                    told = partial(self._described, history)
-                    data["discretisation"] = add_errors(data, history, told, self.scene.parts)
-                except MemoryError as error:
-                    data["discretisation"] = {"not_found": out_of_memory(error)}
+            if self.keep.errors:
+                with self.phases.measure("estimate"):
+                    try:
+                        told = partial(self._described, history)
+                        data["discretisation"] = add_errors(data, history, told, parts)
+                    except MemoryError as error:
+                        data["discretisation"] = {"not_found": out_of_memory(error)}
             for drive in self.scene.drives:
                 self.verdicts[drive.part.name] = describe_drive(history, drive)
                 data["hinges"][drive.part.name]["drive"] = self.verdicts[drive.part.name]

@@ -59,6 +59,22 @@ def describe(history: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
     }
 
 
+def flat(data: Any, path: str = "") -> dict[str, Any]:
+    """Values of a summary by dotted path, the names of results; entries of lists by number, what is None not at all."""
+    if isinstance(data, dict | list):
+        entries = data.items() if isinstance(data, dict) else enumerate(data)
+        found: dict[str, Any] = {}
+        for key, inner in entries:
+            found |= flat(inner, f"{path}.{key}" if path else str(key))
+        return found
+    return {} if data is None else {path: data}
+
+
+def size(path: str, value: float) -> float:
+    """A result as limits and correlations see it: what is called largest counts by its size, whatever its direction."""
+    return abs(float(value)) if ".largest_" in path else float(value)
+
+
 def describe_peaks(history: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
     """As `describe`, of one state that takes the place of every peak in turn: to be compared with the peak."""
     said = describe(history, parts)

@@ -1,4 +1,5 @@
-"""How does a state get to other elements? Fields of one model at the places of another, of the same rods.
+"""How does a state get to other elements? Fields of one model at the places of another, of the same rods, or of rods of the
+same names and other lengths: those are stretched evenly.
 
 Rule: the polynomials of the old elements are taken at the new nodes and Gauss points; nothing is solved or smoothed. Of a
 quaternion the interpolated one is made unit again. The stress memory is the polynomial through the stresses at the Gauss
@@ -15,7 +16,8 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from .model import Model
-from .space import Space, State, gauss_lobatto
+from .rod import Rod
+from .space import RodNodes, Space, State, gauss_lobatto
 from .terms.inertial import Rates
 
 
@@ -38,30 +40,38 @@ class Transfer:
     old: Model
     new: Model
 
+    def _before(self, rod: Rod) -> tuple[RodNodes, float]:
+        """The old rod to a new one, and its length in parts of the new one's."""
+        views = self.old.space.views
+        if rod in views:
+            return views[rod], 1.0
+        old = next(other for other in views if other.name == rod.name)
+        return views[old], float(old.length / rod.length)
+
     @cached_property
     def _nodes(self) -> csr_matrix:
         """Matrix (N new, N old) of nodal values."""
-        old, new = self.old.space, self.new.space
+        new = self.new.space
         rows: list[np.ndarray] = []
         columns: list[np.ndarray] = []
         values: list[np.ndarray] = []
         for rod, view in new.views.items():
-            before = old[rod]
+            before, stretch = self._before(rod)
             order = before.mesh.order
-            element, xi = locate(before.mesh.ends, view.s)
+            element, xi = locate(before.mesh.ends, view.s * stretch)
             columns.append(before.nodes[element[:, None] * order + np.arange(order + 1)].ravel())
             rows.append(np.repeat(view.nodes, order + 1))
             values.append(lagrange(gauss_lobatto(order), xi).ravel())
         entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-        return csr_matrix(entries, shape=(new.n_nodes, old.n_nodes))
+        return csr_matrix(entries, shape=(new.n_nodes, self.old.space.n_nodes))
 
     @cached_property
     def _points(self) -> list[list[tuple[int, np.ndarray, np.ndarray, slice]]]:
         """For each new group the rods in it: old group, old elements (n,), weights (n, Q old) and where they go."""
         parts: list[list[tuple[int, np.ndarray, np.ndarray, slice]]] = [[] for _ in self.new.space.groups]
         for rod, view in self.new.space.views.items():
-            before = self.old.space[rod]
-            element, xi = locate(before.mesh.ends, view.s_gauss)
+            before, stretch = self._before(rod)
+            element, xi = locate(before.mesh.ends, view.s_gauss * stretch)
             weights = lagrange(self.old.space.groups[before.group].basis.X[0], xi)
             parts[view.group].append((before.group, before.elements.start + element, weights, view.elements))
         return parts

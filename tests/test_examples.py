@@ -39,6 +39,12 @@ def test_hinge(tmp_path, name):
     assert force == pytest.approx(1318.891, abs=0.03)
 
 
+def test_longer_cable(capsys):
+    """Its studies are valid; what the design finds is held against a scan in test_design.py."""
+    assert main(["check", str(EXAMPLES / "longer_cable.toml")]) == 0
+    assert "Sweep: 60 case(s). Design: 1 value(s)." in capsys.readouterr().out
+
+
 def test_wire_over_hinge(tmp_path):
     """A wire that hardly stretches asks for torque in proportion to its EI, so both ends of the band are told by one."""
     run_scene("wire_over_hinge.toml", tmp_path)

@@ -17,7 +17,7 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 def test_import_is_light():
     """`import cosserat_fem` loads nothing heavy, and building a model none of the readers and writers."""
-    heavy = ("pyvista", "meshio", "pyamg", "pydantic", "matplotlib", "h5py")
+    heavy = ("pyvista", "meshio", "pyamg", "pydantic", "matplotlib", "h5py", "distributed")
     code = f"""
 import sys, cosserat_fem as cf
 print([m for m in ('numpy', 'numba', *{heavy}) if m in sys.modules])
@@ -66,7 +66,7 @@ def test_room(file):
     if "pyvista" in top:
         assert room == "view.py"
     if "matplotlib" in top:
-        assert room in ("plots.py", "bench/plots.py")
+        assert room in ("plots.py", "bench/plots.py", "sweep/plots.py", "design/plots.py")
     assert not top & {"meshio", "h5py", "pyamg"}
 
 

@@ -6,10 +6,9 @@ nothing is solved here.
 
 from __future__ import annotations
 
-import hashlib
 import os
 import pathlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from typing import Any
@@ -26,16 +25,18 @@ from ..mechanism import Part
 from ..model import Model
 from ..refine import check_accuracy
 from ..terms import Term
+from .aim import design_faults
 from .build import Builder
+from .edit import changed, said
 from .limits import build_checks
 from .lines import Path
-from .load import CONTROL, Source, read, validate
+from .load import Source, read, validate
 from .tables import SceneTables
+from .vary import cases, sweep_faults
+from .written import foreign, identity, read_files, resolved
 
 ONE = {"static": "a static scene is one state", "path": "a path chooses its states itself"}
 SHIPPED = "satellite_hinge.toml"
-ALONG = ("along", "until", "longest", "branch")  # keys of [solve] for kind = "path"
-IN_TIME = ("start", "velocity", "rho_inf", "rtol", "dt", "richardson")  # keys of [solve] for kind = "dynamic"
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,18 +89,19 @@ class Scene:
         return Resolution(**turn, watch=watch, parts=idle)
 
     @property
+    def cases(self) -> list[dict[str, Any]]:
+        """Changed values of each case of `[sweep]`, by dotted path; none without one."""
+        return cases(self.tables.sweep) if self.tables.sweep is not None else []
+
+    @property
     def inputs(self) -> list[pathlib.Path]:
         """Files that the scene is read from: its own, meshes, curves and motions."""
-        data = self.tables.model_dump(exclude_none=True)
-        return [self.source.path, *(self._file(table[key]) for table, key in _files(data))]
+        return [self.source.path, *read_files(self.source, self.tables)]
 
     @property
     def identity(self) -> str:
         """Digest of the resolved scene and of every other file it reads."""
-        digest = hashlib.sha256(self.resolved().encode())
-        for file in self.inputs[1:]:
-            digest.update(file.read_bytes())
-        return digest.hexdigest()
+        return identity(self.source, self.tables)
 
     def sticking(self) -> Scene:
         """This scene with sticking strands in all rods whose stiffness is a band."""
@@ -115,42 +117,19 @@ class Scene:
             [self.source.fault(path, fault) if path else fault for path, fault in zip(paths, error.faults, strict=True)]
         )
 
-    def _file(self, name: str) -> pathlib.Path:
-        return (self.source.folder / name).resolve()
-
     def resolved(self) -> str:
-        """The scene as TOML in SI units with every default written out and absolute paths."""
-        data = self.tables.model_dump(exclude_none=True)
-        for table, key in _files(data):
-            table[key] = str(self._file(table[key]))
-        kind = data["solve"]["kind"]
-        for key in _foreign(kind):
-            data["solve"].pop(key, None)
-        for load in data["load"] if kind != "path" else ():
-            load.pop("constant", None)
-        return to_toml(data)
+        """The scene as TOML in SI units with every default written out and absolute paths; without studies of it."""
+        return resolved(self.source, self.tables)
 
+    def changed(self, values: Mapping[str, Any]) -> Scene:
+        """This scene with other values at dotted paths: ``{"rod.cable.length": "0.2 m", "support.far end.at": 0.1}``.
 
-def _foreign(kind: str) -> dict[str, str]:
-    """Keys of [solve] that say nothing in a run of this kind, and what they are for."""
-    one = kind in ("static", "path")
-    keys = dict.fromkeys(("duration", "times") if one else ("t", "steps"), "quasistatic" if one else "static")
-    if kind != "dynamic":
-        keys |= dict.fromkeys(IN_TIME, "dynamic")
-    if kind != "path":
-        keys |= dict.fromkeys(ALONG, "path")
-    if kind != "quasistatic":
-        keys |= dict.fromkeys(("past_limits", "travel", "resolution"), "quasistatic")
-    if kind == "dynamic":
-        keys |= {"modes": "static"}
-    return keys
-
-
-def _files(data: dict[str, Any]) -> list[tuple[dict[str, Any], str]]:
-    """Tables and keys that name a file."""
-    found = [(part, "mesh") for part in data["part"]] + [(part.get("motion", {}), "file") for part in data["part"]]
-    found += [(rod, "file") for rod in data["rod"]]
-    return [(table, key) for table, key in found if key in table]
+        Raises
+        ------
+        SceneError
+            A path names nothing, or the changed scene has faults; each says what was changed.
+        """
+        return changed_scene(self.source, values)
 
 
 def shipped_scene() -> pathlib.Path:
@@ -166,13 +145,21 @@ def load_scene(path: str | os.PathLike[str] | None = None) -> Scene:
     SceneError
         All faults found, each with file and line.
     """
-    source = read(pathlib.Path(path) if path is not None else shipped_scene())
+    return build_scene(read(pathlib.Path(path) if path is not None else shipped_scene()))
+
+
+def build_scene(source: Source) -> Scene:
+    """A scene from what was read. SceneError as for `load_scene`."""
     return _scene(source, validate(source))
 
 
 def _scene(source: Source, tables: SceneTables) -> Scene:
     """The scene of these tables. SceneError with all faults."""
     builder = Builder(source, tables)
+    if tables.sweep is not None:
+        builder.faults += sweep_faults(source, tables.sweep)
+    if tables.design is not None:
+        builder.faults += design_faults(source, tables)
     model = builder.model()
     times = _times(source, tables)
     checks = build_checks(builder, model)
@@ -185,6 +172,16 @@ def _scene(source: Source, tables: SceneTables) -> Scene:
     )  # fmt: skip
 
 
+def changed_scene(source: Source, values: Mapping[str, Any]) -> Scene:
+    """A scene from what was read, with other values at dotted paths; see `Scene.changed`."""
+    try:
+        return build_scene(changed(source, values))
+    except ValueError as error:
+        raise SceneError(f"{source.path}: {error}") from None
+    except SceneError as error:
+        raise SceneError([f"{fault} Changed: {said(values)}." for fault in error.faults]) from None
+
+
 def _times(source: Source, tables: SceneTables) -> np.ndarray:
     """Stations of the run."""
     solve, every = tables.solve, tables.output.every
@@ -194,7 +191,7 @@ def _times(source: Source, tables: SceneTables) -> np.ndarray:
         faults.append(
             source.fault(("solve", "out_of_plane"), 'out_of_plane goes with plane = "xy", "yz", "xz" or "auto".')
         )
-    for key, kind in _foreign(solve.kind).items():
+    for key, kind in foreign(solve.kind).items():
         if key in given:
             more = "; use t" if solve.kind == "static" and kind == "quasistatic" else ""
             faults.append(source.fault(("solve", key), f'{key} is for kind = "{kind}"{more}.'))
@@ -367,35 +364,3 @@ def _check_run(builder: Builder, model: Model, times: np.ndarray) -> None:
         ]
     if faults:
         raise SceneError(faults)
-
-
-def to_toml(data: dict[str, Any]) -> str:
-    """TOML of nested tables as a scene has them: plain values first, then tables, then arrays of tables."""
-    out: list[str] = []
-    for key, value in data.items():
-        if not _is_table(value):
-            out.append(f"{key} = {_literal(value)}")
-    for key, value in data.items():
-        if isinstance(value, dict):
-            out += ["", f"[{key}]", *(f"{k} = {_literal(v)}" for k, v in value.items())]
-        elif _is_table(value):
-            for entry in value:
-                out += ["", f"[[{key}]]", *(f"{k} = {_literal(v)}" for k, v in entry.items())]
-    return "\n".join(out) + "\n"
-
-
-def _is_table(value: Any) -> bool:
-    return isinstance(value, dict) or (isinstance(value, list) and bool(value) and isinstance(value[0], dict))
-
-
-def _literal(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return '"' + CONTROL.sub(lambda char: f"\\u{ord(char.group()):04x}", escaped) + '"'
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{k} = {_literal(v)}" for k, v in value.items()) + " }"
-    if isinstance(value, list | tuple | np.ndarray):
-        return "[" + ", ".join(_literal(v) for v in value) + "]"
-    return repr(value if isinstance(value, int) else float(value))

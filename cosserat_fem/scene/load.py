@@ -41,11 +41,12 @@ TYPES = {
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A scene file as read: where it is, its data and its lines."""
+    """A scene file as read: where it is, its data, its lines and its text."""
 
     path: pathlib.Path
     data: dict[str, Any]
     lines: Lines
+    text: str = ""
 
     @property
     def folder(self) -> pathlib.Path:
@@ -88,10 +89,15 @@ def read(path: pathlib.Path) -> Source:
     except OSError as error:
         raise SceneError(f"{path}: cannot be read: {error.strerror}.") from None
     try:
-        text = raw.decode("utf-8")
-        data = tomllib.loads(text)
+        return parse(path, raw.decode("utf-8"))
     except UnicodeDecodeError:
         raise SceneError(f"{path}: is not a text file in UTF-8.") from None
+
+
+def parse(path: pathlib.Path, text: str) -> Source:
+    """The text of a scene file that stands at a path. SceneError if it is not TOML."""
+    try:
+        data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         where = f"{path}:{place.group(1)}" if place else f"{path}:{text.count(chr(10)) + 1}"
@@ -99,7 +105,7 @@ def read(path: pathlib.Path) -> Source:
         raise SceneError(f"{where}: is not TOML: {reason[:1].lower()}{reason[1:]}.") from None
     except RecursionError:
         raise SceneError(f"{path}: is nested too deeply.") from None
-    return Source(path, data, Lines(text))
+    return Source(path, data, Lines(text), text)
 
 
 def validate(source: Source) -> SceneTables:
@@ -146,7 +152,7 @@ def _fault(source: Source, error: dict[str, Any]) -> str:
     path = _real_path(source, error["loc"])
     kind, given = error["type"], error.get("input")
     if kind == "extra_forbidden":
-        known = _known_keys(source, path[:-1])
+        known = known_keys(source, path[:-1])
         if len(path) == 1:
             where = f"{source.path}:{source.lines.line_of(path)}"
             return f"{where}: unknown table or key {str(path[0])!r}. {nearest(str(path[0]), known)}"
@@ -217,7 +223,7 @@ def _tags(error: dict[str, Any]) -> str:
     return tags.get(str(inner), "'hinge', 'slider', 'path'")
 
 
-def _known_keys(source: Source, path: Path) -> list[str]:
+def known_keys(source: Source, path: Path) -> list[str]:
     """Keys that the table at a path may have."""
     model: Any = SceneTables
     for k, key in enumerate(path):
@@ -228,7 +234,8 @@ def _known_keys(source: Source, path: Path) -> list[str]:
             return []
         value = source.value(path[: k + 2] if k + 1 < len(path) and isinstance(path[k + 1], int) else path[: k + 1])
         kind = value.get("kind") if isinstance(value, dict) else None
-        model = next((m for m in _models(field.annotation) if kind in (None, _kind(m))), None)
+        models = _models(field.annotation)
+        model = next((m for m in models if len(models) == 1 or kind in (None, _kind(m))), None)
         if model is None:
             return []
     return list(model.model_fields)

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Strict, WithJsonSchema
 
-from .units import KINDS, parse
+from .units import KINDS, measured, parse
 
 
 def quantity(kind: str) -> Any:
@@ -669,6 +669,65 @@ class OutputTable(Table):
     pictures: Flag = True
 
 
+def _end(value: Any) -> Any:
+    measured(value)
+    return value
+
+
+End = custom(_end, "a number, or a string with a unit")
+
+
+class VaryTable(Table):
+    """One value of the scene that differs from case to case."""
+
+    path: Name
+    values: Annotated[list[Any], Field(min_length=1)] | None = None
+    range: tuple[End, End] | None = None
+    points: Integer | None = None
+    normal: tuple[End, End] | None = None
+
+
+class SweepTable(Table):
+    """Many runs of this scene with other values."""
+
+    kind: Literal["grid", "list", "latin_hypercube"] = "grid"
+    vary: Annotated[list[VaryTable], Field(min_length=1)]
+    cases: Integer | None = None
+    seed: Integer | None = None
+    report: Annotated[list[Name], Field(min_length=1)] | None = None
+    errors: Flag = False
+    folder: str | None = None
+
+
+class VariableTable(Table):
+    """One value that a design may choose."""
+
+    path: Name
+    range: tuple[End, End]
+    axis: Direction | None = None
+
+
+class LimitTable(Table):
+    """A bound on a result that a design must keep."""
+
+    result: Name
+    least: End | None = None
+    most: End | None = None
+
+
+class DesignTable(Table):
+    """The values of this scene that make a result least."""
+
+    minimise: Name
+    vary: Annotated[list[VariableTable], Field(min_length=1)]
+    limits: list[LimitTable] = []
+    margin: quantity("number") = 0.0
+    tolerance: quantity("number") = 1e-4
+    runs: Integer = 200
+    tradeoff: tuple[Name, Name] | None = None
+    folder: str | None = None
+
+
 class SceneTables(Table):
     """A whole scene file."""
 
@@ -689,3 +748,5 @@ class SceneTables(Table):
     checks: ChecksTable | None = None
     solve: SolveTable
     output: OutputTable = OutputTable()
+    sweep: SweepTable | None = None
+    design: DesignTable | None = None

@@ -90,6 +90,15 @@ def parse(value: Any, kind: str) -> float:
     return number * factor
 
 
+def measured(value: Any) -> tuple[float, tuple[int, int, int] | None]:
+    """A number or a string with any unit, in SI, and its dimension (None without a unit); ValueError if it is neither."""
+    head = _NUMBER.match(value) if isinstance(value, str) else None
+    if head is None or not value[head.end() :]:
+        return parse(value, "number"), None
+    factor, dimension = _unit(value[head.end() :], "4 mm")
+    return float(head.group(1)) * factor, dimension
+
+
 def _unit(text: str, example: str) -> tuple[float, tuple[int, int, int]]:
     """Factor and dimension of a product of units."""
     factor, dimension, at = 1.0, [0, 0, 0], 0

@@ -57,6 +57,11 @@ CHAPTERS = {
     "Line of a drive": tables.DriveLineTable,
     "Solve": tables.SolveTable,
     "Output": tables.OutputTable,
+    "Sweep": tables.SweepTable,
+    "Varied values": tables.VaryTable,
+    "Design": tables.DesignTable,
+    "Chosen values": tables.VariableTable,
+    "Limits": tables.LimitTable,
 }
 
 
