@@ -166,7 +166,11 @@ def load_scene(path: str | os.PathLike[str] | None = None) -> Scene:
     SceneError
         All faults found, each with file and line.
     """
-    source = read(pathlib.Path(path) if path is not None else shipped_scene())
+    return build_scene(read(pathlib.Path(path) if path is not None else shipped_scene()))
+
+
+def build_scene(source: Source) -> Scene:
+    """A scene from what was read. SceneError as for `load_scene`."""
     return _scene(source, validate(source))
 
 
