@@ -566,8 +566,17 @@ def fit(
     if loaded is None:
         return WRONG
     out = out or pathlib.Path("out") / f"{scene.stem}_fit"
+    last = time.monotonic()
+
+    def told(values: dict[str, float], left: float) -> None:
+        nonlocal last
+        if time.monotonic() - last > 5:
+            last = time.monotonic()
+            said = ", ".join(f"{name} = {value:.5g}" for name, value in values.items())
+            tell(f"  {said}: {left:.3g} of the largest values left (rms)")
+
     try:
-        found = fitted(loaded, read_measured(measured), tuple(free or ("EI",)))
+        found = fitted(loaded, read_measured(measured), tuple(free or ("EI",)), told=told)
         write_fit(found, out)
         if found.curves:
             run = fitted_curves(found)

@@ -23,9 +23,10 @@ from typing import Any
 import numpy as np
 
 from .errors import ConvergenceError, CosseratError, nearest
-from .export import hinged_parts, write_json
+from .export import hinged_parts, replace_file, write_json
+from .folder import PROGRAM
 from .history import History
-from .overlay import COMPONENTS, Curve, Curves, Measured
+from .overlay import COMPONENTS, Curve, Curves, Measured, claim
 from .rod import Rod
 from .scene import Scene, build_scene
 from .section import Section
@@ -431,8 +432,9 @@ def fitted_curves(found: Fit) -> Curves:
 def write_fit(found: Fit, folder: str | os.PathLike[str]) -> None:
     """Write `fit.json` and the fitted scene, `fitted.toml`."""
     folder = pathlib.Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    claim(folder, "fit.json", ("fitted.toml",))
     said = {
+        "program": PROGRAM,
         "measured": str(found.measured.path.resolve()),
         "numbers": {number.name: vars(number) for number in found.numbers},
         "confidence": CONFIDENCE,
@@ -443,4 +445,5 @@ def write_fit(found: Fit, folder: str | os.PathLike[str]) -> None:
         "runs": found.runs,
     }
     write_json(said, folder / "fit.json")
-    (folder / "fitted.toml").write_text(found.scene.resolved(), encoding="utf-8")
+    text = found.scene.resolved()
+    replace_file(folder / "fitted.toml", lambda temporary: temporary.write_text(text, encoding="utf-8"))

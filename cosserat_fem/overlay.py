@@ -8,6 +8,7 @@ angle is a time by the motion of the run: rows up to the farthest angle are the 
 
 from __future__ import annotations
 
+import json
 import os
 import pathlib
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ import numpy as np
 
 from .errors import CosseratError, nearest
 from .export import replace_file, write_csv, write_json
+from .folder import PROGRAM
 from .plots import COLOURS, read_table
 from .table import read_header
 from .table import read_table as read_columns
@@ -189,13 +191,30 @@ def compare(a: Curves, b: Curves) -> list[Apart]:
 def write_overlay(a: Curves, b: Curves, folder: str | os.PathLike[str]) -> list[Apart]:
     """Write `overlay.csv`, `overlay.json` and figures of two sets of curves; return the comparison."""
     rows, folder = compare(a, b), pathlib.Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    claim(folder, "overlay.json", ("overlay.csv", "overlay.svg", "overlay.png"))
     names = ["quantity", "unit", "peak_a", "peak_b", "largest_difference", "time", "rms_difference"]
     write_csv(folder / "overlay.csv", names, [list(vars(row).values()) for row in rows])
-    said: dict[str, Any] = {"a": a.title, "b": b.title, "curves": {row.name: vars(row) for row in rows}}
+    said: dict[str, Any] = {
+        "program": PROGRAM,
+        "a": a.title,
+        "b": b.title,
+        "curves": {row.name: vars(row) for row in rows},
+    }
     write_json(said, folder / "overlay.json")
     _draw(a, b, rows, folder)
     return rows
+
+
+def claim(folder: pathlib.Path, mark: str, others: tuple[str, ...]) -> None:
+    """Make a folder, where files of ours may be replaced: those are ours if `mark` is. CosseratError if they are not."""
+    folder.mkdir(parents=True, exist_ok=True)
+    there = [name for name in (mark, *others) if (folder / name).exists()]
+    try:
+        ours = json.loads((folder / mark).read_text(encoding="utf-8")).get("program") == PROGRAM
+    except (OSError, ValueError, AttributeError):
+        ours = False
+    if there and not ours:
+        raise CosseratError(f"{folder}: holds {there[0]!r}, which this program did not make. Choose another with -o.")
 
 
 def _draw(a: Curves, b: Curves, rows: list[Apart], folder: pathlib.Path) -> None:

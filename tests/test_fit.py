@@ -231,6 +231,11 @@ def test_overlay_of_known_curves(tmp_path):
     assert (row.largest, row.t) == (1.5, 4.5)
     assert (row.peak_a, row.peak_b) == (10.0, 10.5)
     assert {p.name for p in (tmp_path / "made").iterdir()} == {f"overlay.{s}" for s in ("csv", "json", "png", "svg")}
+    overlay.write_overlay(one, overlay.Curves("two", {"force of a": other}), tmp_path / "made")  # over its own files
+    (tmp_path / "theirs").mkdir()
+    (tmp_path / "theirs" / "overlay.csv").write_text("mine")
+    with pytest.raises(cf.CosseratError, match="'overlay.csv', which this program did not make"):
+        overlay.write_overlay(one, overlay.Curves("two", {"force of a": other}), tmp_path / "theirs")
     with pytest.raises(cf.CosseratError, match="no time in common"):
         overlay.compare(one, overlay.Curves("late", {"force of a": overlay.Curve(t + 20, t, "N")}))
     with pytest.raises(cf.CosseratError, match="no curve in common"):
