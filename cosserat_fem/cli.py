@@ -445,6 +445,162 @@ def compare(scene: pathlib.Path | None = None, *, tolerance: float = 0.01) -> in
 
 
 @app.command
+def pair(
+    scene: pathlib.Path | None = None,
+    *,
+    out: Out = None,
+    gravity: Annotated[tuple[float, float, float] | None, Parameter(name="--gravity", negative="")] = None,
+    force: Annotated[bool, Parameter(negative="")] = False,
+    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
+) -> int:
+    """Run a scene with gravity and without, and compare both.
+
+    Parameters
+    ----------
+    scene
+        Scene file (TOML); without one, the satellite hinge deployment that comes along.
+    out
+        Folder for both runs and their overlay; default is out/<name of the scene>_pair.
+    gravity
+        Acceleration x y z [m/s^2], instead of that of the scene.
+    force
+        Write into folders that hold other files too; they are left alone.
+    quiet
+        Print nothing but faults.
+    """
+    from .errors import CosseratError, SceneError
+    from .pair import run_pair
+
+    tell = (lambda text="": None) if quiet else say
+    loaded = _load(scene)
+    if loaded is None:
+        return WRONG
+    tell(loaded.title)
+    try:
+        with _Progress(loaded.stations, quiet) as progress:
+            made = run_pair(loaded, out, gravity=gravity, force=force, progress=progress)
+    except SceneError as error:
+        _tell_faults(error.faults)
+        return WRONG
+    except CosseratError as error:
+        say_wrong(str(error))
+        return STOPPED
+    for name, outcome in made.outcomes.items():
+        tell(f"{name}: {outcome.folder}")
+        if outcome.reason:
+            say_wrong(f"{name}: stopped: {outcome.reason}")
+    _tell_apart(made.apart, *made.outcomes, tell=tell)
+    return STOPPED if any(outcome.reason for outcome in made.outcomes.values()) else OK
+
+
+@app.command
+def overlay(a: pathlib.Path, b: pathlib.Path, *, out: Out = None) -> int:
+    """Compare two runs, or a run with a measurement: a table, and their curves in one figure.
+
+    Parameters
+    ----------
+    a
+        Folder of a run.
+    b
+        Folder of another run, or a CSV file with a header: time or angle_deg, and curves such as torque, "torque of PART",
+        "force of SUPPORT", "Fx of SUPPORT".
+    out
+        Folder for overlay.csv, overlay.json and the figure; default out/overlay.
+    """
+    from .errors import CosseratError
+    from .overlay import measured_curves, read_measured, run_curves, write_overlay
+
+    out = out or pathlib.Path("out/overlay")
+    try:
+        one = run_curves(a)
+        two = measured_curves(read_measured(b), one) if b.is_file() else run_curves(b)
+        apart = write_overlay(one, two, out)
+    except CosseratError as error:
+        say_wrong(str(error))
+        return WRONG
+    _tell_apart(apart, str(a), str(b), tell=say)
+    say(f"Overlay in {out}")
+    return OK
+
+
+def _tell_apart(rows: Any, a: str, b: str, *, tell: Callable[[str], None]) -> None:
+    """Peaks of two sets of curves and their differences; components are in the table only."""
+    shown = [row for row in rows if row.name[:3] not in ("Fx ", "Fy ", "Fz ", "Mx ", "My ", "Mz ")] or rows
+    for row in shown:
+        tell(
+            f"  {row.name}: {row.peak_a:.6g} {row.unit} in {a}, {row.peak_b:.6g} {row.unit} in {b}; at most "
+            f"{abs(row.largest):.4g} {row.unit} apart, at t = {row.t:g} s"
+        )
+
+
+@app.command
+def fit(
+    scene: pathlib.Path,
+    measured: pathlib.Path,
+    *,
+    free: Annotated[list[str] | None, Parameter(name="--free", consume_multiple=True, negative="")] = None,
+    out: Out = None,
+    quiet: Annotated[bool, Parameter(name=["--quiet", "-q"], negative="")] = False,
+) -> int:
+    """Fit stiffnesses and the stress-free curvature of a scene's cables to a measurement.
+
+    Parameters
+    ----------
+    scene
+        Scene file (TOML), static or quasi-static.
+    measured
+        CSV file with a header: time or angle_deg, and what was measured: torque, "torque of PART", "force of SUPPORT", "Fx
+        of SUPPORT", ..., or points x, y, z [m] of the cable; all in SI.
+    free
+        What to fit: EI GJ EA "bend 1" "bend 2" twist; default EI.
+    out
+        Folder for fit.json, the fitted scene and the overlay; default out/<name of the scene>_fit.
+    quiet
+        Print nothing but faults.
+    """
+    from .errors import ConvergenceError, CosseratError
+    from .fit import fit as fitted
+    from .fit import fitted_curves, write_fit
+    from .overlay import measured_curves, read_measured, write_overlay
+
+    tell = (lambda text="": None) if quiet else say
+    loaded = _load(scene)
+    if loaded is None:
+        return WRONG
+    out = out or pathlib.Path("out") / f"{scene.stem}_fit"
+    last = time.monotonic()
+
+    def told(values: dict[str, float], left: float) -> None:
+        nonlocal last
+        if time.monotonic() - last > 5:
+            last = time.monotonic()
+            said = ", ".join(f"{name} = {value:.5g}" for name, value in values.items())
+            tell(f"  {said}: {left:.3g} of the largest values left (rms)")
+
+    try:
+        found = fitted(loaded, read_measured(measured), tuple(free or ("EI",)), told=told)
+        write_fit(found, out)
+        if found.curves:
+            run = fitted_curves(found)
+            write_overlay(run, measured_curves(found.measured_values, run), out)
+    except ConvergenceError as error:
+        say_wrong(str(error))
+        return STOPPED
+    except CosseratError as error:
+        say_wrong(str(error))
+        return WRONG
+    for number in found.numbers:
+        ends = "not fixed by this measurement"
+        if number.low is not None:
+            ends = f"{number.low:.5g} to {number.high:.5g} with 95 % confidence"
+        tell(f"  {number.name}: {number.value:.6g} {number.unit} ({ends}; the scene had {number.before:.6g})")
+    for name, value in found.rms.items():
+        tell(f"  {name}: {value:.4g} left (rms), {found.before[name]:.4g} before")
+    tell(f"Fit in {out}: {found.runs} runs; fitted.toml is the scene with these numbers")
+    return OK
+
+
+@app.command
 def init(folder: pathlib.Path = pathlib.Path()) -> int:
     """Copy the satellite hinge scene and its meshes out, to start from.
 

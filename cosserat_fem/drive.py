@@ -143,9 +143,10 @@ class Stroke:
 
 
 def strokes(history: History, part: Part | str) -> list[Stroke]:
-    """Ways of a part's hinge, in order; the state at which it turns belongs to both. None if it never turns."""
+    """Ways of a part's hinge, in order; the state at which it turns belongs to both. None if it never turns, or
+    if its torque is not a number somewhere."""
     angle, torque, sense = history.hinge_angle(part), history.hinge_torque(part), history.hinge_sense(part)
-    if not sense.any():
+    if not sense.any() or not np.isfinite(torque).all():
         return []
     cuts = [0, *np.flatnonzero(np.diff(sense)).tolist(), len(angle) - 1]
     spans = [np.arange(a, b + 1) for a, b in pairwise(cuts) if b > a]
@@ -271,7 +272,11 @@ def describe_drive(history: History, drive: Drive) -> dict[str, Any]:
     lines = {name: {"largest": value, "uncertainty": factor} for name, (value, factor) in found.lines.items()}
     said: dict[str, Any] = {"motorisation": drive.motorisation, "factors": STATUS, "lines": lines}
     if history.status != "converged" or not len(found.rows) or np.isnan(found.margin).any():
-        reason = "the run stopped early" if history.status != "converged" else "the hinge does not turn"
+        reason = (
+            "the run stopped early"
+            if history.status != "converged"
+            else "the hinge does not turn, or its torque is no number"
+        )
         if len(found.rows) and np.isnan(found.margin).any():
             reason = "the table of the drive does not cover the stroke"
         return said | {"verdict": "UNKNOWN", "reason": reason}

@@ -65,6 +65,14 @@ def read_table(path: str | os.PathLike[str], columns: Sequence[str], where: str)
     return table
 
 
+def read_header(path: str | os.PathLike[str], where: str) -> list[str]:
+    """Names of the columns of a CSV file, in lower case and without units; MeshError if it has none."""
+    rows = _rows(path, where)
+    if not rows or any(_is_number(cell) for cell in rows[0][1]):
+        raise MeshError(f"{where}: the first row must name the columns.")
+    return [re.sub(r"\s*[\[(].*", "", cell).casefold() for cell in rows[0][1]]
+
+
 def _rows(path: str | os.PathLike[str], where: str) -> list[tuple[int, list[str]]]:
     """Rows that hold something: their line in the file and their cells without blanks around them."""
     try:

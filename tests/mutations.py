@@ -100,9 +100,16 @@ at = "end"
 to = "wall"
 [gravity]
 acceleration = [0, 0, -9.81]
+[[drive]]
+part = "door"
+torque = [["0 deg", "30 deg"], ["2 N m", "1 N m"]]
+uncertainty = 2
+lines = [{ name = "a", uncertainty = 1.5 }, { name = "bearings", torque = "10 mN m" }]
 [solve]
 kind = "quasistatic"
 duration = "2 s"
+travel = "both"
+resolution = "5 deg"
 [output]
 every = "1 s"
 """,
