@@ -191,7 +191,7 @@ class _Problem:
         self.start: State | None = None
         self.runs = 0
         self.history: History
-        self.sections = dict(enumerate(self._sections()))
+        self.sections = self._sections()
         shaped = set(SHAPE) <= set(measured.columns)
         values = [name for name in measured.values if name not in SHAPE] if shaped else measured.values
         self.shaped = shaped
@@ -206,14 +206,13 @@ class _Problem:
         self.stations = self._stations()
         self.count = len(self.t) * (len(self.columns) + (2 if shaped else 0))  # along the cable a point says nothing
 
-    def _sections(self) -> list[Section]:
-        """Sections in the order of their tables; unused ones count as those of the first rod."""
+    def _sections(self) -> dict[str, Section]:
+        """Sections that rods have, by the names that rods call them: of the scene or of the catalogue."""
         found: dict[str, Section] = {}
-        for table in self.scene.tables.rod:
-            rod = next(rod for rod in self.scene.model.rods if rod.name == table.name)
+        for table, rod in zip(self.scene.tables.rod, self.scene.model.rods, strict=True):
             names = [table.section] if isinstance(table.section, str) else [name for _, name in table.section]
-            found |= dict(zip(names, [section for _, section in rod.sections], strict=False))
-        return [found[table.name] for table in self.scene.tables.section if table.name in found]
+            found |= dict(zip(names, [section for _, section in rod.sections], strict=True))
+        return found
 
     def _times(self) -> np.ndarray:
         """Time of each row, going on where the travel goes back."""
@@ -244,7 +243,7 @@ class _Problem:
             rest = self.scene.tables.rod[0].rest
             before = 0.0 if rest == "straight" else float(rest[REST.index(name)])
             return before + (x - 1.0) / self.scene.model.rods[0].length
-        section = self.sections[0]
+        section = next(iter(self.sections.values()))
         matrix = np.diag(section.matrix)
         return float(matrix[{"EI": 3, "GJ": 5, "EA": 2}[name]] * np.exp(x - 1.0))
 
@@ -252,9 +251,17 @@ class _Problem:
         """The scene with other numbers: sections become general ones."""
         factor = {name: float(np.exp(v - 1.0)) for name, v in zip(self.free, x, strict=True) if name not in REST}
         data = copy.deepcopy(self.scene.source.data)
-        used = [k for k, table in enumerate(self.scene.tables.section) if table.name in self._used()]
-        for k, section in zip(used, self.sections.values(), strict=True):
-            data["section"][k] = _general(data["section"][k]["name"], section, factor)
+        declared = [table["name"] for table in data.setdefault("section", [])]
+        new = {name: name if name in declared else f"{name.replace('/', ' ')} fitted" for name in self.sections}
+        for name, section in self.sections.items():
+            table = _general(new[name], section, factor)
+            if name in declared:
+                data["section"][declared.index(name)] = table
+            else:
+                data["section"].append(table)
+        for rod in data["rod"]:
+            one = isinstance(rod["section"], str)
+            rod["section"] = new[rod["section"]] if one else [[s, new[name]] for s, name in rod["section"]]
         if set(self.free) & set(REST):
             for k, rod in enumerate(self.scene.model.rods):
                 rest = self.scene.tables.rod[k].rest
@@ -264,12 +271,6 @@ class _Problem:
                         base[REST.index(name)] += float(v - 1.0) / rod.length
                 data["rod"][k]["rest"] = base
         return build_scene(replace(self.scene.source, data=data))
-
-    def _used(self) -> set[str]:
-        names: set[str] = set()
-        for table in self.scene.tables.rod:
-            names |= {table.section} if isinstance(table.section, str) else {name for _, name in table.section}
-        return names
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
         """What is left (n,), each in parts of its column's size."""

@@ -85,13 +85,13 @@ def judge(scene, out, base, *, limit=LIMIT, mesh=None):
         complaints.append("a traceback was printed")
     if found.seconds > limit:
         complaints.append(f"took {found.seconds:.1f} s")
-    if found.code not in (0, 1, 2):
+    if found.code not in (0, 1, 2, 3):
         complaints.append(f"exit code {found.code}")
     if found.code == 2 and not re.search(rf"^{re.escape(str(scene))}(:\d+)?: .{{10,}}", found.said, re.M):
         complaints.append(f"a refusal without file and reason: {found.said[:200]!r}")
     if found.code == 1 and len(found.said) < 20:
         complaints.append(f"stopped without a reason: {found.said!r}")
-    if found.code == 0:
+    if found.code in (0, 3):  # 3: a drive or a check is violated, the run is whole
         complaints += base.unchanged(scene) if mesh is None else base.unchanged_by(mesh, scene)
         complaints += wrong_results(out)
     return complaints
@@ -207,7 +207,9 @@ def fingerprint(scene):
     model = scene.model
     surfaces = [part.surface().points for part in scene.parts if part.mesh is not None]
     solve = scene.tables.solve.model_dump(exclude={"t", "duration", "times"})  # they are in scene.times
-    return walk([model.rods, model.supports, model.welds, model.terms, scene.parts, surfaces, scene.times, solve])
+    return walk(
+        [model.rods, model.supports, model.welds, model.terms, scene.parts, surfaces, scene.times, solve, scene.drives]
+    )
 
 
 def _rows(path):
