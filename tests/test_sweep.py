@@ -225,6 +225,21 @@ def test_plots_are_drawn_again_from_the_folder_alone(swept, tmp_path, capsys):
     assert "is not the folder of a run" in capsys.readouterr().err
 
 
+def test_cases_of_a_scene_with_checks_have_a_verdict(tmp_path):
+    """SAFE is said only of what is known, so discretisation errors are estimated though the sweep does not ask for them."""
+    text = SCENE.replace(
+        "[sweep]",
+        '[checks]\nreaction_force = [{ limit = "0.6 N", support = "cable.start@ground", name = "pull" }]\n\n[sweep]',
+    )
+    text = text.replace("report = [", 'report = ["verdict", "checks.pull.margin.error", ').replace(', "-0.2 m"', "")
+    assert main(["sweep", str(scene_in(tmp_path, text)), "-o", str(tmp_path / "out"), "-q", "--no-pictures"]) == 0
+    for case in table(tmp_path / "out"):
+        force = float(case["reactions.cable.start@ground.largest_force.value"])
+        assert 0 < float(case["checks.pull.margin.error"]) < 0.02
+        assert case["verdict"] == ("SAFE" if force < 0.6 else "UNSAFE")
+    assert {case["verdict"] for case in table(tmp_path / "out")} == {"SAFE", "UNSAFE"}
+
+
 def test_what_nobody_reports_is_told(swept, tmp_path):
     file = scene_in(tmp_path, SCENE.replace("hinges.door.", "hinges.dor."))
     shutil.copytree(swept[1], tmp_path / "out")
