@@ -160,6 +160,7 @@ BLOCK = 256  # states looked at together
 FINE = 0.25  # radii: pieces of a rod this long are searched for the smallest distance by sections
 SECTIONS, WINDOWS = 32, 60  # golden sections; moves or halvings of a window
 SHARP = 1e-8  # of the longest piece of a window: as narrow as windows become
+LEVEL = 1e-7  # radii: distances that differ by less are the same
 SHORT = 1e-9  # of an element: round-off of a stretch
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
@@ -309,7 +310,7 @@ def _nearest(curve: _Curve, body: _Body, leave_out: Sequence[tuple[float, float]
         done = near & ~long
         short, values = _joined(short, new[done]), np.concatenate([values, (d - radius)[done]])
         new = new[long].halves()
-    pick = _lowest(short, values)
+    pick = _lowest(short, values, LEVEL * curve.widest)
     short = short[pick]
     reach = 2.0 * curve.speed[short.t, short.e] * short.half
     x = curve.place(short.t, short.e, short.mid)
@@ -340,15 +341,18 @@ def _joined(a: _Pieces, b: _Pieces) -> _Pieces:
     return _Pieces(*(np.concatenate([x, y]) for x, y in zip(vars(a).values(), vars(b).values(), strict=True)))
 
 
-def _lowest(pieces: _Pieces, values: np.ndarray) -> np.ndarray:
-    """Numbers of the pieces that are no higher than the ones before and after them."""
+def _lowest(pieces: _Pieces, values: np.ndarray, level: float) -> np.ndarray:
+    """Numbers of the pieces that are no higher than the ones before and after them; of a row of pieces that differ by less
+    than `level` [m], as along a plane, the first and the last."""
     order = np.lexsort((pieces.mid, pieces.e, pieces.t))
     t, v = pieces.t[order], values[order]
     begin, end = (pieces.e + pieces.mid - pieces.half)[order], (pieces.e + pieces.mid + pieces.half)[order]
     meets = (t[1:] == t[:-1]) & (np.abs(begin[1:] - end[:-1]) < 1e-9)
-    rises = ~meets | (v[1:] >= v[:-1])
-    falls = ~meets | (v[1:] <= v[:-1])
-    return order[np.append(rises, True) & np.append(True, falls)] if len(order) else order
+    equal = meets & (np.abs(v[1:] - v[:-1]) <= level)
+    rises = ~meets | equal | (v[1:] >= v[:-1])
+    falls = ~meets | equal | (v[1:] <= v[:-1])
+    inner = np.append(equal, False) & np.append(False, equal)
+    return order[np.append(rises, True) & np.append(True, falls) & ~inner] if len(order) else order
 
 
 def _between(one: _Curve, two: _Curve, leave_out: Sequence[tuple[float, float]]) -> _Least:
@@ -376,7 +380,7 @@ def _between(one: _Curve, two: _Curve, leave_out: Sequence[tuple[float, float]])
     same = (a.t[order][1:] == a.t[order][:-1]) & (a.e[order][1:] == a.e[order][:-1])
     same &= a.mid[order][1:] == a.mid[order][:-1]
     first = order[np.append(True, ~same)]
-    pick = first[_lowest(a[first], f[first])]
+    pick = first[_lowest(a[first], f[first], LEVEL * one.widest)]
     a, b = a[pick], b[pick]
     u, v = a.mid, b.mid
     du, dv = (fine / np.maximum(curve.speed[x.t, x.e], 1e-300) for curve, x in ((one, a), (two, b)))
