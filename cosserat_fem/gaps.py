@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from .history import History
 from .kernels.nodes import distance_to_polyline
-from .kernels.triangles import triangle_distance, winding_number
+from .kernels.triangles import lower_to_triangles, winding_number
 from .mechanism import Part
 from .rod import Rod
 from .surface import Surface
@@ -154,7 +154,7 @@ def _blocks(n: int) -> list[range]:
     return [range(begin, min(begin + BLOCK, n)) for begin in range(0, n, BLOCK)]
 
 
-ROUGHLY = 3  # times that a window about the nearest node is narrowed to a quarter
+ROUGHLY = 2  # times that a window about the nearest node is narrowed to a quarter
 PIECES = 8  # straight pieces of an element, for maps
 BLOCK = 256  # states looked at together
 FINE = 0.25  # radii: pieces of a rod this long are searched for the smallest distance by sections
@@ -263,13 +263,14 @@ class _Body:
             return self.distance
         start, index = surface.candidates(x, np.abs(d) + 2.0 * reach)
         every = surface.points[surface.triangles]
-        corners, row = every[index], np.repeat(np.arange(len(x)), np.diff(start))
+        row = np.repeat(np.arange(len(x)), np.diff(start))
         either = np.flatnonzero(np.abs(d) <= reach) if surface.closed else np.empty(0, dtype=int)  # inside or outside
 
         def signed(y: np.ndarray) -> np.ndarray:
             inside = d < 0.0
             inside[either] = winding_number(y[either], every) > 0.5
-            least = np.minimum.reduceat(triangle_distance(y[row], corners), start[:-1])
+            least = np.full(len(y), np.inf)
+            lower_to_triangles(y, row, every, index, least)
             return np.where(inside, -least, least)
 
         return signed

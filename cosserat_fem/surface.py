@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from .errors import MeshError
-from .kernels.triangles import dot, triangle_distance, winding_number
+from .kernels.triangles import dot, lower_to_triangles, winding_number
 from .meshfile import LIMIT, too_large
 from .repair import Edges, count, flat_triangles, merged, oriented, patches, renumbered, sewn
 
@@ -173,7 +173,7 @@ class Surface:
         best = np.array(self._samples.tree.query(points)[0])  # samples lie on the surface
         lot = max(1, PAIRS // len(self._samples.triangle))
         for i, j in self._samples.near(points, best * (1 + 1e-12), lot):
-            np.minimum.at(best, i, triangle_distance(points[i], corners[self._samples.triangle[j]]))
+            lower_to_triangles(points, i, corners, self._samples.triangle[j], best)
         if not self.closed:
             return best
         # neighbours closer than the surface is lie on the same side: the side of the first of each run is enough
