@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from .history import History
 from .kernels.nodes import distance_to_polyline
-from .kernels.triangles import triangle_distance, winding_number
+from .kernels.triangles import lower_to_triangles, winding_number
 from .mechanism import Part
 from .rod import Rod
 from .surface import Surface
@@ -154,12 +154,13 @@ def _blocks(n: int) -> list[range]:
     return [range(begin, min(begin + BLOCK, n)) for begin in range(0, n, BLOCK)]
 
 
-ROUGHLY = 3  # times that a window about the nearest node is narrowed to a quarter
+ROUGHLY = 2  # times that a window about the nearest node is narrowed to a quarter
 PIECES = 8  # straight pieces of an element, for maps
 BLOCK = 256  # states looked at together
 FINE = 0.25  # radii: pieces of a rod this long are searched for the smallest distance by sections
 SECTIONS, WINDOWS = 32, 60  # golden sections; moves or halvings of a window
 SHARP = 1e-8  # of the longest piece of a window: as narrow as windows become
+LEVEL = 1e-7  # radii: distances that differ by less are the same
 SHORT = 1e-9  # of an element: round-off of a stretch
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
@@ -262,13 +263,14 @@ class _Body:
             return self.distance
         start, index = surface.candidates(x, np.abs(d) + 2.0 * reach)
         every = surface.points[surface.triangles]
-        corners, row = every[index], np.repeat(np.arange(len(x)), np.diff(start))
+        row = np.repeat(np.arange(len(x)), np.diff(start))
         either = np.flatnonzero(np.abs(d) <= reach) if surface.closed else np.empty(0, dtype=int)  # inside or outside
 
         def signed(y: np.ndarray) -> np.ndarray:
             inside = d < 0.0
             inside[either] = winding_number(y[either], every) > 0.5
-            least = np.minimum.reduceat(triangle_distance(y[row], corners), start[:-1])
+            least = np.full(len(y), np.inf)
+            lower_to_triangles(y, row, every, index, least)
             return np.where(inside, -least, least)
 
         return signed
@@ -309,7 +311,7 @@ def _nearest(curve: _Curve, body: _Body, leave_out: Sequence[tuple[float, float]
         done = near & ~long
         short, values = _joined(short, new[done]), np.concatenate([values, (d - radius)[done]])
         new = new[long].halves()
-    pick = _lowest(short, values)
+    pick = _lowest(short, values, LEVEL * curve.widest)
     short = short[pick]
     reach = 2.0 * curve.speed[short.t, short.e] * short.half
     x = curve.place(short.t, short.e, short.mid)
@@ -340,15 +342,18 @@ def _joined(a: _Pieces, b: _Pieces) -> _Pieces:
     return _Pieces(*(np.concatenate([x, y]) for x, y in zip(vars(a).values(), vars(b).values(), strict=True)))
 
 
-def _lowest(pieces: _Pieces, values: np.ndarray) -> np.ndarray:
-    """Numbers of the pieces that are no higher than the ones before and after them."""
+def _lowest(pieces: _Pieces, values: np.ndarray, level: float) -> np.ndarray:
+    """Numbers of the pieces that are no higher than the ones before and after them; of a row of pieces that differ by less
+    than `level` [m], as along a plane, the first and the last."""
     order = np.lexsort((pieces.mid, pieces.e, pieces.t))
     t, v = pieces.t[order], values[order]
     begin, end = (pieces.e + pieces.mid - pieces.half)[order], (pieces.e + pieces.mid + pieces.half)[order]
     meets = (t[1:] == t[:-1]) & (np.abs(begin[1:] - end[:-1]) < 1e-9)
-    rises = ~meets | (v[1:] >= v[:-1])
-    falls = ~meets | (v[1:] <= v[:-1])
-    return order[np.append(rises, True) & np.append(True, falls)] if len(order) else order
+    equal = meets & (np.abs(v[1:] - v[:-1]) <= level)
+    rises = ~meets | equal | (v[1:] >= v[:-1])
+    falls = ~meets | equal | (v[1:] <= v[:-1])
+    inner = np.append(equal, False) & np.append(False, equal)
+    return order[np.append(rises, True) & np.append(True, falls) & ~inner] if len(order) else order
 
 
 def _between(one: _Curve, two: _Curve, leave_out: Sequence[tuple[float, float]]) -> _Least:
@@ -376,7 +381,7 @@ def _between(one: _Curve, two: _Curve, leave_out: Sequence[tuple[float, float]])
     same = (a.t[order][1:] == a.t[order][:-1]) & (a.e[order][1:] == a.e[order][:-1])
     same &= a.mid[order][1:] == a.mid[order][:-1]
     first = order[np.append(True, ~same)]
-    pick = first[_lowest(a[first], f[first])]
+    pick = first[_lowest(a[first], f[first], LEVEL * one.widest)]
     a, b = a[pick], b[pick]
     u, v = a.mid, b.mid
     du, dv = (fine / np.maximum(curve.speed[x.t, x.e], 1e-300) for curve, x in ((one, a), (two, b)))

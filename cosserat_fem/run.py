@@ -54,9 +54,9 @@ from .model import Model
 from .scene import Scene, load_scene
 from .space import State
 from .statics import solve_quasistatic, solve_static
-from .summary import describe, describe_modes, describe_peaks, out_of_plane
+from .summary import describe, describe_modes, describe_peaks, out_of_plane, told_clearance
 from .theories import Comparison, compare_theories
-from .verdicts import Verdict, assess, found_at, judged, overall, tell, warn_of_parts, watches
+from .verdicts import Verdict, assess, clearances, found_at, judged, overall, tell, warn_of_parts, watches
 from .vibration import Modes, modes
 
 PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "pyvista", "vtk", "h5py", "pyamg")
@@ -604,7 +604,7 @@ class _Writer:
         }
         if history is not None and len(history):
             parts = self.scene.parts if self.keep.clearances else ()
-            data |= describe(history, parts)
+            data |= describe(history, parts, clearances(self.checks))
             data |= tell(self.checks) if self.checks else {}
             if self.keep.errors:
                 with self.phases.measure("estimate"):
@@ -618,6 +618,7 @@ class _Writer:
                 data["hinges"][drive.part.name]["drive"] = self.verdicts[drive.part.name]
             if self.checks:
                 self.checks = judged(self.checks, history, data)
+                self._clearances(history, data)
                 warn_of_parts(self.checks, history, data)
             if self.modes is not None:
                 data["vibrations"] = describe_modes(self.modes)
@@ -639,7 +640,16 @@ class _Writer:
     def _described(self, history: History, found: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
         """What is reported of a better state of a history, checks too."""
         more = found_at(self.checks, history, found, self.scene.parts) if self.checks else {}
-        return describe_peaks(found, parts) | more
+        return describe_peaks(found, parts, clearances(self.checks)) | more
+
+    def _clearances(self, history: History, data: dict[str, Any]) -> None:
+        """Clearances that were checked among those that are reported anyway, unless the rod may touch there."""
+        touched = {(rod.name, t.part.name) for t in history.model.contacts if hasattr(t, "part") for rod in t.rods}
+        for (rod, part), verdict in clearances(self.checks).items():
+            if (rod, part) not in touched:
+                said = told_clearance(history.rod(rod), verdict.value, verdict.t, verdict.check.left_out)
+                said["error"] = data["checks"][verdict.name]["worst"].get("error")
+                data.setdefault("clearances", {}).setdefault(rod, {})[part] = said
 
 
 @dataclass(frozen=True)

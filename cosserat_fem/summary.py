@@ -5,7 +5,7 @@ Rule: every number here can be read from the history; nothing is solved but what
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -16,22 +16,23 @@ from .drive import as_peaks, describe_torque
 from .export import hinged_parts
 from .gaps import clearance
 from .history import History
+from .limits import beside_supports
 from .mechanism import Hinge, Part
+from .rod import Rod
 from .section import Section
 from .stability import leaves_plane
 from .vibration import Modes
 
-NEARBY = 3.0  # radii on both sides of a support on a part: clearance from the part is not looked at there
 
-
-def describe(history: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
+def describe(history: History, parts: Sequence[Part] = (), known: Collection[tuple[str, str]] = ()) -> dict[str, Any]:
     """What a summary says of a history: counters, residual, strains, bend radius, distances, peaks, active physics.
 
-    parts: those that rods should stay clear of, besides those that they may touch.
+    parts: those that rods should stay clear of, besides those that they may touch. known: names of rods and parts whose
+    clearance is told otherwise.
     """
     model = history.model
     contacts = {term.name: _describe_contact(history, term.name) for term in model.contacts}
-    clear = _clearances(history, parts)
+    clear = _clearances(history, parts, known)
     terms = [model.internal.name, *(term.name for term in model.terms)]
     return {
         "stations": {"kept": len(history), "first": float(history.t[0]), "last": float(history.t[-1])},
@@ -75,9 +76,11 @@ def size(path: str, value: float) -> float:
     return abs(float(value)) if ".largest_" in path else float(value)
 
 
-def describe_peaks(history: History, parts: Sequence[Part] = ()) -> dict[str, Any]:
+def describe_peaks(
+    history: History, parts: Sequence[Part] = (), known: Collection[tuple[str, str]] = ()
+) -> dict[str, Any]:
     """As `describe`, of one state that takes the place of every peak in turn: to be compared with the peak."""
-    said = describe(history, parts)
+    said = describe(history, parts, known)
     for part in hinged_parts(history):
         said["hinges"][part.name] |= as_peaks(history, part)
     return said
@@ -231,7 +234,7 @@ def _describe_contact(history: History, name: str) -> dict[str, Any]:
     }
 
 
-def _clearances(history: History, parts: Sequence[Part]) -> dict[str, Any]:
+def _clearances(history: History, parts: Sequence[Part], known: Collection[tuple[str, str]]) -> dict[str, Any]:
     """Smallest distance of each rod from each part with a surface that it may not touch.
 
     Within a few radii of a support on the part it is not looked at: there it is meant to be close.
@@ -240,16 +243,17 @@ def _clearances(history: History, parts: Sequence[Part]) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for rod in history.model.rods:
         for part in parts:
-            if (rod, part) in touched or not (part.shapes or part.mesh is not None):
+            if (rod, part) in touched or (rod.name, part.name) in known or not (part.shapes or part.mesh is not None):
                 continue
-            held = [h.rod.place(h.at, "support") for h in history.model.supports if h.rod is rod and h.to is part]
-            beside = [NEARBY * float(rod.radius_at(np.array([s]))[0]) for s in held]
-            spans = [(s - a, s + a) for s, a in zip(held, beside, strict=True)]
+            spans = beside_supports(history.model, rod, part)
             values = clearance(history, rod, part, leave_out=spans)
             k = int(np.argmin(values))
             if np.isfinite(values[k]):
-                said: dict[str, Any] = {"value": float(values[k]), "t": float(history.t[k])}
-                if spans:
-                    said["left_out"] = [[max(a, 0.0), min(b, float(rod.length))] for a, b in spans]
-                out.setdefault(rod.name, {})[part.name] = said
+                out.setdefault(rod.name, {})[part.name] = told_clearance(rod, values[k], history.t[k], spans)
     return out
+
+
+def told_clearance(rod: Rod, value: float, t: float, spans: Sequence[tuple[float, float]]) -> dict[str, Any]:
+    """A smallest distance [m] of a rod from a part, when it was, and stretches of the rod that were not looked at."""
+    left_out = [[max(a, 0.0), min(b, float(rod.length))] for a, b in spans]
+    return {"value": float(value), "t": float(t), **({"left_out": left_out} if left_out else {})}

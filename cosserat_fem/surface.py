@@ -16,11 +16,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from .errors import MeshError
-from .kernels.triangles import dot, triangle_distance, winding_number
+from .kernels.triangles import dot, lower_to_triangles, winding_number
 from .meshfile import LIMIT, too_large
 from .repair import Edges, count, flat_triangles, merged, oriented, patches, renumbered, sewn
 
 PAIRS = 2_000_000  # pairs of point and triangle that are kept at a time
+FEW = 30_000  # pairs of points and triangles that are all looked at, without a search
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,10 +171,15 @@ class Surface:
         if not len(points):
             return np.empty(0)
         corners = self.points[self.triangles]
-        best = np.array(self._samples.tree.query(points)[0])  # samples lie on the surface
-        lot = max(1, PAIRS // len(self._samples.triangle))
-        for i, j in self._samples.near(points, best * (1 + 1e-12), lot):
-            np.minimum.at(best, i, triangle_distance(points[i], corners[self._samples.triangle[j]]))
+        if len(points) * len(corners) <= FEW:
+            best = np.full(len(points), np.inf)
+            i, j = np.divmod(np.arange(len(points) * len(corners)), len(corners))
+            lower_to_triangles(points, i, corners, j, best)
+        else:
+            best = np.array(self._samples.tree.query(points)[0])  # samples lie on the surface
+            lot = max(1, PAIRS // len(self._samples.triangle))
+            for i, j in self._samples.near(points, best * (1 + 1e-12), lot):
+                lower_to_triangles(points, i, corners, self._samples.triangle[j], best)
         if not self.closed:
             return best
         # neighbours closer than the surface is lie on the same side: the side of the first of each run is enough

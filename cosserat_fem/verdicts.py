@@ -347,6 +347,16 @@ def _through(rod: str, other: str) -> str:
     )
 
 
+def clearances(verdicts: Sequence[Verdict]) -> dict[tuple[str, str], Verdict]:
+    """Checks of clearance from parts that no contact keeps a rod out of, by the names of rod and part."""
+    found: dict[tuple[str, str], Verdict] = {}
+    for verdict in verdicts:
+        rod, part = verdict.check.rod, verdict.check.other
+        if rod is not None and isinstance(part, Part) and np.isfinite(verdict.value):
+            found.setdefault((rod.name, part.name), verdict)
+    return found
+
+
 def warn_of_parts(verdicts: Sequence[Verdict], history: History, said: dict[str, Any]) -> None:
     """Warn of parts that a rod of a checked scene comes near to, or runs through, and that its run knows nothing of.
 

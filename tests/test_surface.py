@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import cosserat_fem as cf
-from cosserat_fem.kernels.triangles import triangle_distance
+from cosserat_fem.kernels.triangles import lower_to_triangles, triangle_distance
 from cosserat_fem.meshfile import LIMIT, read_surface
 
 BOX = cf.Box((0.5, 0.5, 0.5), (1, 1, 1)).surface()
@@ -331,3 +331,15 @@ def test_bracket():
     np.testing.assert_allclose(bracket.distance(around), 1e-3, atol=6e-6)  # sagitta of 80 facets to a turn
     start, index = bracket.candidates(around, 2e-3)
     assert (np.diff(start) > 0).all() and len(set(bracket.patch[index])) == 1
+
+
+def test_kernel_of_pairs_equals_the_readable_form(rng):
+    """Points on all sides of triangles, in their planes and on their corners too."""
+    corners, p = rng.normal(size=(40, 3, 3)), rng.normal(size=(60, 3))
+    p[:10] = corners[:10, 0]
+    p[10:20] = corners[10:20].mean(axis=1)
+    i, j = (x.ravel() for x in np.meshgrid(np.arange(60), np.arange(40)))
+    best = np.full(60, np.inf)
+    lower_to_triangles(p, i, corners, j, best)
+    every = triangle_distance(p[i], corners[j]).reshape(40, 60)
+    np.testing.assert_allclose(best, every.min(axis=0), atol=1e-14)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import ellipk
 
 import cosserat_fem as cf
 from cosserat_fem.verdicts import least_margin, overall
@@ -195,6 +196,26 @@ def test_touching_by_contact():
     assert found["apart"].status == "UNSAFE"
     assert found["apart"].reason == "it touches ball at t = 1 s"
     assert found["apart"].s == pytest.approx(0.9, abs=0.02)
+
+
+def test_in_time():
+    """A stiff rod swings down from the horizontal about its pinned end: there 5/2 of its weight pull as it passes below, a
+    quarter of its period after the start: K(1/2) sqrt(2 L / 3 g), with the elliptic integral K."""
+    stiff = cf.Section.round(D, youngs_modulus=1e9, poisson_ratio=0.3, density=1000.0)
+    rod = cf.Rod("a", stiff, [(0, 0, 0), (0.5, 0, 0)], n_elements=4)
+    pin = cf.Pin(rod, "start", name="pivot")
+    model = cf.Model([rod], [pin], [cf.Gravity((0, 0, -9.81)), cf.Damping((0,) * 6, 1e-4, 0.0, None)])
+    history = cf.solve_dynamic(model, 0.5, start="drawn", times=np.linspace(0, 0.5, 126), step=cf.AdaptiveStep(1e-3))
+    weight, quarter = 1000.0 * np.pi / 4 * D**2 * 0.5 * 9.81, ellipk(0.5) * np.sqrt(2 * 0.5 / (3 * 9.81))
+    limits = cf.Limit("tension", 2.4 * weight), cf.Limit("reaction_force", 3.0 * weight)
+    pull, force = judge(history, *limits, estimate=True).values()
+    assert pull.status == "UNSAFE"
+    assert pull.s == 0.0
+    assert pull.t == pytest.approx(quarter, abs=0.01)
+    assert pull.value == pytest.approx(2.5 * weight, rel=0.01)
+    assert force.status == "SAFE"
+    assert force.value == pytest.approx(2.5 * weight, rel=0.01)
+    assert 0 < force.error < force.margin
 
 
 def test_along_a_path_of_loads():

@@ -1,8 +1,10 @@
-"""Triangles and points: distance, winding number. NumPy only: for checks, not for the loop."""
+"""Triangles and points: distance, winding number. For checks, not for the loop: NumPy, and one kernel for many pairs."""
 
 from __future__ import annotations
 
 import numpy as np
+
+from . import kernel
 
 
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -28,6 +30,43 @@ def triangle_distance(p: np.ndarray, corners: np.ndarray) -> np.ndarray:
         above &= dot(np.cross(edge, w), normal) >= 0.0
     height = np.abs(dot(p - corners[:, 0], normal)) / np.sqrt(dot(normal, normal))
     return np.where(above, height, np.sqrt(best))
+
+
+@kernel
+def lower_to_triangles(p, i, corners, j, best):
+    """Lower best (n,) [m] to the distances of points p (n, 3) from triangles (F, 3 corners, 3), for pairs i, j (m,) of them.
+
+    As `triangle_distance`: the height above a triangle where its foot is inside, else the distance from the nearest edge.
+    """
+    e, w = np.empty((3, 3)), np.empty((3, 3))
+    for k in range(i.shape[0]):
+        a, c = i[k], j[k]
+        for m in range(3):
+            for x in range(3):
+                e[m, x] = corners[c, (m + 1) % 3, x] - corners[c, m, x]
+                w[m, x] = p[a, x] - corners[c, m, x]
+        # normal: first edge times the one to the third corner, which is minus the last edge
+        n0 = e[0, 2] * e[2, 1] - e[0, 1] * e[2, 2]
+        n1 = e[0, 0] * e[2, 2] - e[0, 2] * e[2, 0]
+        n2 = e[0, 1] * e[2, 0] - e[0, 0] * e[2, 1]
+        above, least = True, np.inf
+        for m in range(3):
+            along = e[m, 0] * w[m, 0] + e[m, 1] * w[m, 1] + e[m, 2] * w[m, 2]
+            size = e[m, 0] * e[m, 0] + e[m, 1] * e[m, 1] + e[m, 2] * e[m, 2]
+            part = min(max(along / size, 0.0), 1.0)
+            x, y, z = w[m, 0] - part * e[m, 0], w[m, 1] - part * e[m, 1], w[m, 2] - part * e[m, 2]
+            least = min(least, x * x + y * y + z * z)
+            side = (
+                (e[m, 1] * w[m, 2] - e[m, 2] * w[m, 1]) * n0
+                + (e[m, 2] * w[m, 0] - e[m, 0] * w[m, 2]) * n1
+                + (e[m, 0] * w[m, 1] - e[m, 1] * w[m, 0]) * n2
+            )
+            above = above and side >= 0.0
+        if above:
+            height = abs(w[0, 0] * n0 + w[0, 1] * n1 + w[0, 2] * n2) / np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
+            best[a] = min(best[a], height)
+        else:
+            best[a] = min(best[a], np.sqrt(least))
 
 
 def winding_number(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
