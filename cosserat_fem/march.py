@@ -34,6 +34,7 @@ DROP = 1e-3  # of the largest value: a peak is one when a curve has come down so
 NOISE = 1e-5  # the same at the end of a way, where no more comes, and on the side where it came from
 ROWS = 8  # of a table, for each look: if there are more, looks are enough
 TRIES = 20  # states looked at for a peak
+UNSEEN, NONE = np.empty(0), np.empty(0, dtype=int)
 SMALL = 0.1  # of bending stiffness over length (squared): forces and moments of interest are not all smaller
 
 
@@ -337,6 +338,12 @@ class March:
 
     def _append(self, record: Record, events: Sequence[CriticalPoint] = ()) -> None:
         """Take a state into the march; the first one is in the history already."""
+        if self.resolution is None:
+            if self.chain:
+                self.history.critical += [replace(event, station=len(self.chain) - 1) for event in events]
+                self.history.records.append(record)
+            self.chain.append(Look(record.t, UNSEEN, NONE, NONE, NONE))
+            return
         if not self.chain:
             zero = np.zeros(len(self.watch), dtype=int)
             self.chain.append(Look(record.t, self._values(record), zero, zero, zero))

@@ -1,4 +1,4 @@
-"""Make the pictures of the README: the shipped scene's stages, and its curves beside the paper's numbers.
+"""Make the pictures of the README: the shipped scene's stages, its curves beside the paper's numbers, a map of margins.
 
 Run it from the project's root:  python docs/make_images.py
 """
@@ -49,6 +49,10 @@ def main():
         cf.run_scene(cf.load_scene(None), out)
         draw(out)
         shutil.copy(out / "pictures" / "stages.png", IMAGES / "deployment.png")
+        checked = pathlib.Path(folder) / "checked"
+        cf.run_scene(cf.load_scene(ROOT / "examples" / "checked_door.toml"), checked)
+        draw(checked)
+        shutil.copy(checked / "pictures" / "margin_map.png", IMAGES / "margin_map.png")
     scene = cf.load_scene(None)
     history = cf.solve_quasistatic(scene.model, scene.times)
     curves(history).savefig(IMAGES / "curves.png", dpi=110)
