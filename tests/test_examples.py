@@ -186,6 +186,7 @@ def test_crossing_cables():
     assert run_script("crossing_cables.py") == pytest.approx(0.3, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_twist_to_plectoneme():
     """Greenhill's torque; steps of the turn are 0.0075 pi apart."""
     assert run_script("twist_to_plectoneme.py") == pytest.approx(2.8606, abs=0.0075)

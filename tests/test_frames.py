@@ -220,7 +220,7 @@ def test_killed_run_can_be_exported(tmp_path):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs file size limits")
-@pytest.mark.parametrize("limit", [20_000, 60_000])
+@pytest.mark.parametrize("limit", [20_000, pytest.param(60_000, marks=pytest.mark.slow)])
 def test_full_disk_stops_with_one_line(tmp_path, limit):
     """A disk that takes no file beyond a size: the run stops, says so, and what is there can be read and resumed."""
     file, whole = slow_scene(tmp_path)

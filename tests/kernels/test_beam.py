@@ -43,7 +43,7 @@ def test_internal_force_equals_weak_form(order, coupled):
 
 
 @pytest.mark.parametrize("coupled", [False, True])
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
+@pytest.mark.parametrize("order", [1, 2, 3, pytest.param(4, marks=pytest.mark.slow)])
 def test_tangent_equals_weak_form(order, coupled):
     """Material and geometric part with a stress memory of their own, and the curvature of the update."""
     model, state = curved_space(order, coupled=coupled)
