@@ -1,7 +1,7 @@
-"""Which command did the user type? Arguments, progress, messages, exit codes.
+"""Which command did the user type? Arguments and exit codes.
 
-Rule: this room only talks; work is done below. Nothing heavy is imported until a command needs it, so that `--help`
-answers at once. Results and progress go to standard output, faults to standard error.
+Rule: work is done below, and what is said of it in `telling`. Nothing heavy is imported until a command needs it, so that
+`--help` answers at once.
 
 Exit codes: 0 fine; 1 stopped early (partial results are written, the reason is in summary.json); 2 the scene, a file or
 an argument is wrong; 3 a check or the margin of a drive is violated, or not known; no design keeps its limits.
@@ -13,14 +13,23 @@ import json
 import logging
 import pathlib
 import shutil
-import signal
-import sys
 import time
 from collections.abc import Callable
-from functools import partial
 from typing import Annotated, Any
 
 from cyclopts import App, CycloptsError, Parameter
+
+from .telling import (
+    Progress,
+    report_warnings,
+    say,
+    say_wrong,
+    tell_apart,
+    tell_checks,
+    tell_drives,
+    tell_faults,
+    tell_results,
+)
 
 app = App(
     name="cosserat-fem",
@@ -35,7 +44,7 @@ Out = Annotated[pathlib.Path | None, Parameter(name=["--out", "-o"])]
 
 def main(arguments: list[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    _report_warnings()
+    report_warnings()
     try:
         result = app(arguments, exit_on_error=False, print_error=False)
     except CycloptsError as error:
@@ -57,27 +66,6 @@ def main(arguments: list[str] | None = None) -> int:
     return result if isinstance(result, int) else OK
 
 
-def say(text: str = "") -> None:
-    """To standard output."""
-    sys.stdout.write(f"{text}\n")
-    sys.stdout.flush()
-
-
-def say_wrong(text: str) -> None:
-    """To standard error."""
-    sys.stderr.write(f"{text}\n")
-
-
-def _report_warnings() -> None:
-    """Let the package's log show: warnings on standard error, one line each."""
-    handler = logging.StreamHandler()
-    handler.setFormatter(logging.Formatter("warning: %(message)s"))
-    log = logging.getLogger("cosserat_fem")
-    log.handlers[:] = [handler]
-    log.setLevel(logging.WARNING)
-    log.propagate = False
-
-
 def _load(scene: pathlib.Path | None) -> Any:
     """A checked scene, or None after its faults were told."""
     from .errors import SceneError
@@ -86,14 +74,8 @@ def _load(scene: pathlib.Path | None) -> Any:
     try:
         return load_scene(scene)
     except SceneError as error:
-        _tell_faults(error.faults)
+        tell_faults(error.faults)
         return None
-
-
-def _tell_faults(faults: list[str]) -> None:
-    say_wrong("\n".join(faults))
-    if len(faults) > 1:
-        say_wrong(f"{len(faults)} faults.")
 
 
 @app.command
@@ -133,13 +115,13 @@ def run(
     tell(loaded.title)
     try:
         with RunFolder(loaded.folder if out is None else out, loaded.inputs, force=force) as folder:
-            with _Progress(loaded.stations, quiet) as progress:
+            with Progress(loaded.stations, quiet) as progress:
                 outcome = run_scene(loaded, folder, progress=progress, announce=tell, phases=phases)
             return _finish(
                 outcome, tell, pictures=pictures and loaded.tables.output.pictures, skip=progress.interrupted
             )
     except SceneError as error:
-        _tell_faults(error.faults)
+        tell_faults(error.faults)
         return WRONG
 
 
@@ -166,11 +148,11 @@ def resume(
 
     tell = (lambda text="": None) if quiet else say
     try:
-        with _Progress(0, quiet) as progress:
+        with Progress(0, quiet) as progress:
             outcome = resume_scene(folder, progress=progress, announce=tell)
         return _finish(outcome, tell, pictures=pictures, skip=progress.interrupted)
     except SceneError as error:
-        _tell_faults(error.faults)
+        tell_faults(error.faults)
         return WRONG
 
 
@@ -181,9 +163,9 @@ def _finish(outcome: Any, tell: Callable[[str], None], *, pictures: bool, skip: 
         if run is not None and run.history is not None:
             if which:
                 tell(f"  with {which} strands:")
-            _tell_results(run.history, tell)
-            _tell_drives(run.verdicts, tell)
-            _tell_checks(run.checks, run.verdict, tell)
+            tell_results(run.history, tell)
+            tell_drives(run.verdicts, tell)
+            tell_checks(run.checks, run.verdict, tell)
     good = STOPPED if outcome.reason else VIOLATED if outcome.violated else OK
     if outcome.complete:
         tell(f"Results in {outcome.folder}")
@@ -212,164 +194,6 @@ def _draw(folder: pathlib.Path, tell: Callable[[str], None], *, skip: bool) -> i
 
     tell(f"Report in {write_report(folder)}")
     return OK
-
-
-def _tell_results(history: Any, tell: Callable[[str], None]) -> None:
-    """A few lines that answer first questions."""
-    import numpy as np
-
-    from .drive import describe_torque
-    from .export import hinged_parts
-
-    for event in history.critical:
-        where = (
-            f"factor {event.value:.7g} of the loads"
-            if history.records[0].factor is not None
-            else f"t = {event.t:.7g} s"
-        )
-        tell(f"  {event.kind} point at {where}")
-    for support in history.model.supports:
-        load = history.reaction(support)
-        force, moment = np.linalg.norm(load[:, :3], axis=1), np.linalg.norm(load[:, 3:], axis=1)
-        i, j = int(np.argmax(force)), int(np.argmax(moment))
-        at = partial(_station, history)
-        tell(f"  {support.name}: force up to {force[i]:.6g} N{at(i)}, moment up to {moment[j]:.6g} N m{at(j)}")
-    for part in hinged_parts(history):
-        torque, angle = history.hinge_torque(part), np.degrees(history.hinge_angle(part))
-        k = int(np.argmax(np.abs(torque)))
-        tell(f"  hinge of {part.name}: torque up to {torque[k]:.6g} N m at {angle[k]:.4g} deg")
-        _tell_loop(describe_torque(history, part), tell)
-    for term in history.model.contacts:
-        told = history.pressed(term.name)
-        top = max(range(len(told)), key=lambda k: told[k].peak)
-        if told[top].peak > 0:
-            s = f"at s = {told[top].peak_s:.4g} m"
-            tell(f"  contact {term.name}: line force up to {told[top].peak:.4g} N/m {s}, t = {history.t[top]:g} s")
-        else:
-            tell(f"  contact {term.name}: does not touch")
-
-
-def _tell_loop(said: dict[str, Any], tell: Callable[[str], None]) -> None:
-    """The torque of a hinge out and back."""
-    if "back" not in said.get("peaks", {}):
-        return
-    for way in ("out", "back"):
-        low, high = said["peaks"][way]["smallest"], said["peaks"][way]["largest"]
-        tell(
-            f"    {way}: {low['value']:.6g} N m at {low['angle_deg']:.4g} deg to {high['value']:.6g} N m at "
-            f"{high['angle_deg']:.4g} deg"
-        )
-    if said["band"]["largest"] is not None:
-        band = said["band"]["largest"]
-        tell(f"    between out and back: up to {band['value']:.4g} N m at {band['angle_deg']:.4g} deg")
-    if "cycle" in said["work"]:
-        tell(f"    work of a cycle: {said['work']['cycle']:.4g} J")
-
-
-def _tell_drives(verdicts: dict[str, dict[str, Any]], tell: Callable[[str], None]) -> None:
-    """What becomes of each drive."""
-    for name, said in verdicts.items():
-        if said["verdict"] == "UNKNOWN":
-            tell(f"  drive of {name}: UNKNOWN, {said['reason']}")
-            continue
-        margin = said["margin"]
-        value = "nothing resists" if margin["value"] is None else f"margin {margin['value']:.4g}"
-        tell(
-            f"  drive of {name}: {said['verdict']}, {value} at {margin['angle_deg']:.4g} deg on the way {margin['way']} "
-            f"(needs {said['required']:.4g} N m, has {said['available']:.4g} N m)"
-        )
-
-
-def _tell_checks(verdicts: Any, overall: str, tell: Callable[[str], None]) -> None:
-    """One line for each check and one for all of them, and drives."""
-    if not verdicts:
-        return
-    tell("Checks (margin: the part that is left of what is allowed)")
-    for verdict in verdicts:
-        least = "at least" if verdict.check.quantity.least else "at most"
-        at = [] if verdict.s is None else [f"s = {verdict.s:.4g} m"]
-        at += [f"t = {verdict.t:.6g} s"] if verdict.factor is None else [f"factor {verdict.factor:.6g}"]
-        at += [] if verdict.angle is None else [f"{verdict.angle:.3f} deg"]
-        limit = f"{least} {_with_unit(verdict.limit, verdict.unit)}{_by_rule(verdict)}"
-        value = _with_unit(verdict.value, verdict.unit)
-        tell(f"  {verdict.status:<8}{verdict.name}: {value}, {limit}; margin {verdict.margin:+.3f} at {', '.join(at)}")
-        if verdict.reason:
-            tell(f"          {verdict.reason}")
-    known = {status: sum(v.status == status for v in verdicts) for status in ("UNSAFE", "UNKNOWN")}
-    n = f"{len(verdicts)} check{'s' * (len(verdicts) != 1)}"
-    tell(f"Verdict: {overall} ({n}, {known['UNSAFE']} violated, {known['UNKNOWN']} unknown)")
-
-
-def _by_rule(verdict: Any) -> str:
-    """The rule that a limit comes from, and a word of caution if it was not read where it stands."""
-    from .rules import bend_rule
-
-    if verdict.check.limit.rule is None:
-        return ""
-    rule = bend_rule(verdict.check.limit.rule)
-    return f" by {rule.name}" + (" (at second hand: look it up in the standard)" if rule.status == "recalled" else "")
-
-
-def _with_unit(value: float, unit: str) -> str:
-    """A number as one reads it: lengths in mm."""
-    if unit == "m":
-        return f"{1000 * value:.4g} mm"
-    return f"{value:.4g}" if unit == "-" else f"{value:.4g} {unit}"
-
-
-def _station(history: Any, k: int) -> str:
-    """Where a value was found: a time, or a factor of loads."""
-    if len(history) == 1:
-        return ""
-    record = history.records[k]
-    return f" at t = {history.t[k]:g} s" if record.factor is None else f" at factor {record.factor:g}"
-
-
-class _Progress:
-    """A bar on a terminal, a line every few seconds elsewhere; `interrupted` after Ctrl-C.
-
-    The first Ctrl-C asks for a stop after this station (or what else is counted), the second stops at once, as the first
-    does if there is only one.
-    """
-
-    def __init__(self, total: int, quiet: bool, what: str = "stations") -> None:
-        self.total, self.quiet, self.what = total, quiet, what
-        self.interrupted, self._last = False, time.monotonic()
-        self._bar: Any = None
-        self._before: Any = None
-
-    def __enter__(self) -> _Progress:
-        if not self.quiet and self.total > 1 and sys.stdout.isatty():
-            from rich.progress import Progress
-
-            self._bar = Progress(transient=True)
-            self._task = self._bar.add_task("solving", total=self.total)
-            self._bar.start()
-        try:
-            self._before = signal.signal(signal.SIGINT, self._interrupt)
-        except ValueError:  # not in the main thread
-            self._before = None
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-        if self._before is not None:
-            signal.signal(signal.SIGINT, self._before)
-
-    def _interrupt(self, *_: object) -> None:
-        if self.interrupted or self.total == 1:
-            self.interrupted = True
-            raise KeyboardInterrupt
-        self.interrupted = True
-
-    def __call__(self, done: int, total: int) -> bool:
-        if self._bar is not None:
-            self._bar.update(self._task, completed=done, total=total)
-        elif not self.quiet and time.monotonic() - self._last > 5:
-            self._last = time.monotonic()
-            say(f"  {done} of {total} {self.what}")
-        return self.interrupted
 
 
 @app.command
@@ -477,10 +301,10 @@ def pair(
         return WRONG
     tell(loaded.title)
     try:
-        with _Progress(loaded.stations, quiet) as progress:
+        with Progress(loaded.stations, quiet) as progress:
             made = run_pair(loaded, out, gravity=gravity, force=force, progress=progress)
     except SceneError as error:
-        _tell_faults(error.faults)
+        tell_faults(error.faults)
         return WRONG
     except CosseratError as error:
         say_wrong(str(error))
@@ -489,7 +313,7 @@ def pair(
         tell(f"{name}: {outcome.folder}")
         if outcome.reason:
             say_wrong(f"{name}: stopped: {outcome.reason}")
-    _tell_apart(made.apart, *made.outcomes, tell=tell)
+    tell_apart(made.apart, *made.outcomes, tell=tell)
     return STOPPED if any(outcome.reason for outcome in made.outcomes.values()) else OK
 
 
@@ -518,19 +342,9 @@ def overlay(a: pathlib.Path, b: pathlib.Path, *, out: Out = None) -> int:
     except CosseratError as error:
         say_wrong(str(error))
         return WRONG
-    _tell_apart(apart, str(a), str(b), tell=say)
+    tell_apart(apart, str(a), str(b), tell=say)
     say(f"Overlay in {out}")
     return OK
-
-
-def _tell_apart(rows: Any, a: str, b: str, *, tell: Callable[[str], None]) -> None:
-    """Peaks of two sets of curves and their differences; components are in the table only."""
-    shown = [row for row in rows if row.name[:3] not in ("Fx ", "Fy ", "Fz ", "Mx ", "My ", "Mz ")] or rows
-    for row in shown:
-        tell(
-            f"  {row.name}: {row.peak_a:.6g} {row.unit} in {a}, {row.peak_b:.6g} {row.unit} in {b}; at most "
-            f"{abs(row.largest):.4g} {row.unit} apart, at t = {row.t:g} s"
-        )
 
 
 @app.command
@@ -759,7 +573,7 @@ def report(folder: pathlib.Path, *, film: Annotated[bool, Parameter(negative="")
     try:
         say(f"Report in {write_report(folder, with_film=film)}")
     except SceneError as error:
-        _tell_faults(error.faults)
+        tell_faults(error.faults)
         return WRONG
     return OK
 
@@ -798,13 +612,13 @@ def bench(
     from .errors import SceneError
 
     try:
-        with _Progress(2, quiet=False, what="cases") as progress:
+        with Progress(2, quiet=False, what="cases") as progress:
             report = measured(
                 problem, out or pathlib.Path("out/bench"), plot=plot, peers=peers, scaling=scaling, repeats=repeats,
                 progress=progress,
             )  # fmt: skip
     except SceneError as error:
-        _tell_faults(error.faults)
+        tell_faults(error.faults)
         return WRONG
     if progress.interrupted:
         say_wrong("interrupted; what was measured is written.")
@@ -858,10 +672,10 @@ def sweep(
     tell = (lambda text="": None) if quiet else say
     tell(loaded.title)
     try:
-        with _Progress(len(loaded.cases), quiet, what="cases") as progress:
+        with Progress(len(loaded.cases), quiet, what="cases") as progress:
             found = run_sweep(loaded, out, workers=workers, scheduler=scheduler, progress=progress)
     except SceneError as error:
-        _tell_faults(error.faults)
+        tell_faults(error.faults)
         return WRONG
     except KeyboardInterrupt:
         say_wrong("interrupted; finished cases are kept, the same command goes on.")
@@ -911,10 +725,10 @@ def design(
     logging.getLogger("cosserat_fem").setLevel(logging.ERROR)  # warnings of trials are in their tables
     runs = loaded.tables.design.runs if loaded.tables.design is not None else 0
     try:
-        with _Progress(runs, quiet, what="designs at most") as progress:
+        with Progress(runs, quiet, what="designs at most") as progress:
             found = run_design(loaded, out, progress=progress)
     except SceneError as error:
-        _tell_faults(error.faults)
+        tell_faults(error.faults)
         return WRONG
     tell(f"  {len(found.trials)} designs run")
     for line in found.lines:

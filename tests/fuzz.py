@@ -18,7 +18,7 @@ from dataclasses import dataclass, fields, is_dataclass
 
 import numpy as np
 
-from cosserat_fem import cli
+from cosserat_fem import cli, telling
 from cosserat_fem.errors import CosseratError
 from cosserat_fem.scene import load_scene
 from mutations import TABLE, stl_bytes, triangles
@@ -55,8 +55,8 @@ def _alarm(*_):
 def run(scene, out, *, limit=LIMIT, stop=STOP):
     """`cosserat-fem run` in this process, with an alarm, and stopped after `stop` seconds as by Ctrl-C."""
     begin = time.process_time()
-    told, said = cli._Progress.__call__, io.StringIO()
-    cli._Progress.__call__ = lambda self, done, total: time.process_time() - begin > stop
+    told, said = telling.Progress.__call__, io.StringIO()
+    telling.Progress.__call__ = lambda self, done, total: time.process_time() - begin > stop
     before = signal.signal(signal.SIGPROF, _alarm)
     signal.setitimer(signal.ITIMER_PROF, limit)
     code, raised = None, ""
@@ -70,7 +70,7 @@ def run(scene, out, *, limit=LIMIT, stop=STOP):
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)
         signal.signal(signal.SIGPROF, before)
-        cli._Progress.__call__ = told
+        telling.Progress.__call__ = told
     return Outcome(code, said.getvalue(), raised, time.process_time() - begin)
 
 
