@@ -104,7 +104,8 @@ def run(
     """
     from .errors import SceneError
     from .folder import RunFolder
-    from .run import Phases, run_scene
+    from .results import Phases
+    from .run import run_scene
 
     tell = (lambda text="": None) if quiet else say
     phases = Phases()
@@ -180,7 +181,7 @@ def _finish(outcome: Any, tell: Callable[[str], None], *, pictures: bool, skip: 
 
 def _draw(folder: pathlib.Path, tell: Callable[[str], None], *, skip: bool) -> int:
     """Pictures of a finished run; exit code 1 if Ctrl-C ended them."""
-    from .run import draw
+    from .drawing import draw
 
     try:
         if skip:
@@ -252,7 +253,7 @@ def compare(scene: pathlib.Path | None = None, *, tolerance: float = 0.01) -> in
         Largest difference from the Cosserat rods, in parts of each peak.
     """
     from .errors import CosseratError
-    from .run import compare_scene
+    from .solving import compare_scene
 
     loaded = _load(scene)
     if loaded is None:
@@ -511,7 +512,7 @@ def render(
     """
     if (folder / "sweep.json").is_file() or (folder / "design.json").is_file():
         return _render_study(folder, step is not None or field is not None or film or out is not None)
-    from .run import draw
+    from .drawing import draw
 
     if not _is_run(folder):
         return WRONG
@@ -560,9 +561,9 @@ def report(folder: pathlib.Path, *, film: Annotated[bool, Parameter(negative="")
     film
         With a film of all states; it is made if there is none yet.
     """
+    from .drawing import draw
     from .errors import SceneError
     from .report import write_report
-    from .run import draw
 
     if film and not any((folder / "pictures" / f"film.{kind}").is_file() for kind in ("mp4", "webp")):
         if not _is_run(folder):
@@ -775,7 +776,7 @@ def info() -> int:
     from importlib import metadata
 
     from .folder import PROGRAM
-    from .run import PACKAGES
+    from .results import PACKAGES
 
     say(f"{PROGRAM} {metadata.version(PROGRAM)}")
     say(f"python {platform.python_version()} on {platform.platform()}")

@@ -122,6 +122,13 @@ def out_of_memory(error: MemoryError) -> str:
     return f"out of memory{said}. Use fewer elements or stations."
 
 
+def cause(error: BaseException) -> str:
+    """What the machine said, in one line."""
+    if isinstance(error, MemoryError):
+        return out_of_memory(error)
+    return getattr(error, "strerror", None) or one_line(error)
+
+
 @contextmanager
 def silenced() -> Iterator[None]:
     """Keep the readers of files quiet (VTK's lines, meshio's prints, warnings): the caller says the fault, once."""

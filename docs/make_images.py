@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import cosserat_fem as cf
-from cosserat_fem.run import draw
+from cosserat_fem.drawing import draw
 
 ROOT = pathlib.Path(__file__).parents[1]
 IMAGES = ROOT / "docs" / "images"

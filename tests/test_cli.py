@@ -219,12 +219,12 @@ def test_interrupt_stops_a_static_run_at_once(scene, tmp_path, monkeypatch, caps
 
 
 def test_interrupt_of_the_pictures_is_one_line(scene, monkeypatch, capsys):
-    from cosserat_fem import run
+    from cosserat_fem import drawing
 
     def interrupted(*arguments, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(run.subprocess, "run", interrupted)
+    monkeypatch.setattr(drawing.subprocess, "run", interrupted)
     assert main(["run", "s.toml", "-q"]) == 1
     assert capsys.readouterr().err == (
         "no pictures: interrupted. All results are written; `cosserat-fem render out/s` draws them.\n"
@@ -269,16 +269,16 @@ def test_full_disk_is_survived(scene, tmp_path):
 
 
 def test_summary_that_cannot_be_written_is_told(scene, tmp_path, monkeypatch, capsys):
-    from cosserat_fem.run import _Writer
+    from cosserat_fem.results import ResultWriter
 
-    inner = _Writer.summary
+    inner = ResultWriter.summary
 
     def full(self, status, *arguments):
         if status != "running":
             raise OSError(28, "No space left on device")
         inner(self, status, *arguments)
 
-    monkeypatch.setattr(_Writer, "summary", full)
+    monkeypatch.setattr(ResultWriter, "summary", full)
     assert main(["run", "s.toml", "--no-pictures"]) == 1
     said = capsys.readouterr()
     assert said.err == "stopped: summary.json could not be written: No space left on device\n"
@@ -287,7 +287,7 @@ def test_summary_that_cannot_be_written_is_told(scene, tmp_path, monkeypatch, ca
 
 def test_out_of_memory_is_one_line(scene, tmp_path, monkeypatch, capsys):
     """While solving, while writing, and anywhere else."""
-    from cosserat_fem import export, run
+    from cosserat_fem import export, solving
     from cosserat_fem import scene as rooms
 
     def full(*arguments, **options):
@@ -295,7 +295,7 @@ def test_out_of_memory_is_one_line(scene, tmp_path, monkeypatch, capsys):
 
     line = "out of memory (Unable to allocate 7.0 TiB). Use fewer elements or stations.\n"
     with monkeypatch.context() as patch:
-        patch.setattr(run, "solve_quasistatic", full)
+        patch.setattr(solving, "solve_quasistatic", full)
         assert main(["run", "s.toml", "--no-pictures", "-q"]) == 1
     assert capsys.readouterr().err == f"stopped: {line}"
     with monkeypatch.context() as patch:
@@ -322,14 +322,14 @@ def test_fault_of_the_system_is_one_line(scene, monkeypatch, capsys):
 def test_results_are_claimed_only_if_there_are_any(scene, tmp_path, monkeypatch, capsys):
     """Interrupted or lost before the first station: no folder of results is named."""
     import cosserat_fem as cf
-    from cosserat_fem import run
+    from cosserat_fem import solving
 
     for error, said in ((KeyboardInterrupt(), "interrupted"), (cf.ConvergenceError("lost"), "lost")):
 
         def stop(*arguments, error=error, **options):
             raise error
 
-        monkeypatch.setattr(run, "solve_quasistatic", stop)
+        monkeypatch.setattr(solving, "solve_quasistatic", stop)
         assert main(["run", "s.toml"]) == 1
         told = capsys.readouterr()
         assert told.out == "s\n"
@@ -429,9 +429,9 @@ def test_module_runs():
 
 def test_results_do_not_depend_on_pictures(scene, tmp_path, monkeypatch, capsys):
     """If drawing fails the run is fine: exit 0, results complete, the reason told."""
-    from cosserat_fem import run
+    from cosserat_fem import drawing
 
-    monkeypatch.setattr(run.sys, "executable", "/bin/false")
+    monkeypatch.setattr(drawing.sys, "executable", "/bin/false")
     assert main(["run", "s.toml"]) == 0
     assert "No pictures:" in capsys.readouterr().out
     assert (tmp_path / "out" / "s" / "report.html").stat().st_size > 10_000
@@ -440,17 +440,17 @@ def test_results_do_not_depend_on_pictures(scene, tmp_path, monkeypatch, capsys)
 
 def test_missing_opengl_is_explained(monkeypatch, tmp_path):
     """A drawing process that dies of a signal means no software OpenGL: say which package to install."""
-    from cosserat_fem import run
+    from cosserat_fem import drawing
 
     class Died:
         returncode, stdout, stderr = -11, "", ""
 
-    monkeypatch.setattr(run.subprocess, "run", lambda *a, **k: Died)
-    assert "apt-get install libegl1" in run.draw(tmp_path).problem
+    monkeypatch.setattr(drawing.subprocess, "run", lambda *a, **k: Died)
+    assert "apt-get install libegl1" in drawing.draw(tmp_path).problem
     Died.returncode = -9
-    assert "killed" in run.draw(tmp_path).problem
+    assert "killed" in drawing.draw(tmp_path).problem
     Died.returncode = -2
-    assert "interrupted" in run.draw(tmp_path).problem
+    assert "interrupted" in drawing.draw(tmp_path).problem
 
 
 CONTACT = """

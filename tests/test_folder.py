@@ -182,12 +182,12 @@ def test_lock_of_a_killed_run_is_taken_over(scene):
 
 
 def test_lock_is_removed_after_a_failure(scene, monkeypatch):
-    from cosserat_fem import run
+    from cosserat_fem import solving
 
     def fail(*arguments, **options):
         raise ZeroDivisionError
 
-    monkeypatch.setattr(run, "solve_quasistatic", fail)
+    monkeypatch.setattr(solving, "solve_quasistatic", fail)
     with pytest.raises(ZeroDivisionError):
         main(RUN)
     assert not pathlib.Path("out/s", LOCK).exists()

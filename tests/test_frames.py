@@ -134,9 +134,9 @@ def test_damaged_files_are_told(scene, tmp_path):
 
 RUN = """
 import sys
-import cosserat_fem.run
+import cosserat_fem.solving
 from cosserat_fem.cli import main
-cosserat_fem.run.SAVE_EVERY = 0.02
+cosserat_fem.solving.SAVE_EVERY = 0.02
 sys.exit(main(sys.argv[1:]))
 """
 

@@ -18,12 +18,12 @@ from ..drive import describe_drive
 from ..errors import ConvergenceError, SceneError, nearest
 from ..history import History
 from ..model import Model
-from ..run import solve_scene
 from ..scene import Scene
 from ..scene.aim import bounds, starting, values
 from ..scene.lines import Path
 from ..scene.tables import LimitTable
 from ..scene.units import measured
+from ..solving import solve_scene
 from ..space import State
 from ..statics import solve_static
 from ..summary import describe, flat, size

@@ -22,7 +22,8 @@ from typing import Any
 
 from ..errors import SceneError, one_line
 from ..folder import RunFolder
-from ..run import Keep, run_scene
+from ..results import Keep
+from ..run import run_scene
 from ..scene import changed_scene
 from ..scene.edit import changed
 from ..scene.load import Source, parse, validate

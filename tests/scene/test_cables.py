@@ -200,6 +200,25 @@ def test_checks_at_both_ends(tmp_path, capsys):
     assert summary["verdict"] == "UNSAFE"
 
 
+@pytest.mark.parametrize("fault", [KeyboardInterrupt(), MemoryError("no room"), OSError(28, "No space left on device")])
+def test_fault_of_the_machine_ends_both_runs(tmp_path, monkeypatch, fault):
+    """What the user or the machine stopped is not followed by the run with sticking strands; a lost equilibrium is."""
+    from cosserat_fem import solving
+
+    scene, calls = cf.load_scene(write(tmp_path, SCENE)), []
+
+    def solve(*arguments, **options):
+        calls.append(options)
+        raise fault if len(calls) == 1 else cf.ConvergenceError("lost")
+
+    monkeypatch.setattr(solving, "solve_static", solve)
+    outcome = cf.run_scene(scene, tmp_path / "out")
+    assert (len(calls), outcome.by_chance, outcome.sticking) == (1, True, None)
+    outcome = cf.run_scene(scene, tmp_path / "out")
+    assert (len(calls), outcome.by_chance) == (3, False)
+    assert outcome.reason == "lost; with sticking strands: lost"
+
+
 def test_resume_at_both_ends(tmp_path):
     """A run in time stopped while its strands stuck goes on there, from either folder, and has its band in the end."""
     dynamic = 'kind = "dynamic"\nduration = "20 ms"\ndt = "2 ms"\nstart = "drawn"'
