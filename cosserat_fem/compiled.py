@@ -120,7 +120,13 @@ class SpaceBorder:
 
     def give(self, state: State, r: np.ndarray, q: np.ndarray, sigma: np.ndarray) -> State:
         """The state with these places, attitudes and stress memory."""
-        return State(state.t, r, q, (sigma,), None, state.velocity, state.slope)
+        return self.give_all(state, [state.t], r[None], q[None], sigma[None])[0]
+
+    def give_all(
+        self, state: State, times: list[float], r: np.ndarray, q: np.ndarray, sigma: np.ndarray
+    ) -> list[State]:
+        """As `give`, of several states at times (K,): a leading axis."""
+        return [State(t, r[k], q[k], (sigma[k],), None, state.velocity, state.slope) for k, t in enumerate(times)]
 
     def holds(self, t: float, targets: Targets | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Place and attitude of the supports and frames T (M, d, d), or none, at a time or at given targets."""
@@ -235,11 +241,14 @@ class PlaneBorder(SpaceBorder):
         planar.enter(*self._place, state.r, state.q, stress, flat, p, sigma)
         return flat, p, sigma
 
-    def give(self, state: State, r: np.ndarray, q: np.ndarray, sigma: np.ndarray) -> State:
-        place, turned, stress = np.empty_like(state.r), np.empty_like(state.q), np.empty((*sigma.shape[:2], 6 * LANES))
-        place[:, self.plane.axes[2]] = self.plane.height
+    def give_all(
+        self, state: State, times: list[float], r: np.ndarray, q: np.ndarray, sigma: np.ndarray
+    ) -> list[State]:
+        place, turned = np.empty((*r.shape[:2], 3)), np.empty((*q.shape[:2], 4))
+        stress = np.empty((*sigma.shape[:3], 6 * LANES))
+        place[..., self.plane.axes[2]] = self.plane.height
         planar.leave(*self._place, r, q, sigma, place, turned, stress)
-        return State(state.t, place, turned, (stress,), None, state.velocity, state.slope)
+        return super().give_all(state, times, place, turned, stress)
 
     def holds(self, t: float, targets: Targets | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if self.plane.watched:
@@ -349,7 +358,7 @@ class Compiled:
         nodal = self._nodal if tangent else self._nodal[:0]
         extra = NO_OFFSET if offset is None else b.rates(offset)
         return self._call(
-            state, (r, q, sigma), targets, b.tables, rest, table, extra, (iterations, guarded, b.symmetric),
+            state, (r, q, sigma), targets, b.tables, rest, table, extra, (iterations, guarded, b.symmetric, 1),
             (tolerance, (0.0, 0.0)), NO_OFFSET, nodal, (D, D, D, D),
         )  # fmt: skip
 
@@ -366,7 +375,7 @@ class Compiled:
         table, _ = self.table(guess.t)
         made = tuple(np.empty_like(inertia[4]) for _ in range(4))
         answer = self._call(
-            guess, at, None, tables, inertia, table, NO_OFFSET, (20, False, False), (tolerance, step.heaviest),
+            guess, at, None, tables, inertia, table, NO_OFFSET, (20, False, False, 1), (tolerance, step.heaviest),
             b.flat(moved).copy(), self._nodal, made,
         )  # fmt: skip
         for name, values in zip("Dvab", made, strict=True):
@@ -375,8 +384,8 @@ class Compiled:
 
     def _call(
         self, state: State, at: Any, targets: Targets | None, tables: Tables, inertia: Any, table: Any, offset: np.ndarray,
-        controls: tuple[int, bool, bool], wanted: tuple[float, tuple[float, float]], moved: np.ndarray, nodal: np.ndarray,
-        made: Any,
+        controls: tuple[int, bool, bool, int], wanted: tuple[float, tuple[float, float]], moved: np.ndarray,
+        nodal: np.ndarray, made: Any,
     ) -> Answer:  # fmt: skip
         """One call of the kernel; `at`: place, attitude and stress memory, ours to be changed."""
         b, g, since = self.border, np.empty_like(self._du), thread_time()
@@ -443,9 +452,10 @@ class Compiled:
         place, turned, memory = kept[:3]
         v, a, aux, g = (b.in_space(array) for array in kept[3:7])
         last = b.in_space(forces, loads[0])
-        found = []
-        for m, k in enumerate(kept[9][:n_kept].tolist()):
-            state = b.give(start.state.at_time(times[k]), place[m], turned[m], memory[m])
+        which, found = kept[9][:n_kept].tolist(), []
+        at = [times[k] for k in which]
+        states = b.give_all(start.state, at, place[:n_kept], turned[:n_kept], memory[:n_kept])
+        for m, (k, state) in enumerate(zip(which, states, strict=True)):
             found.append(
                 Moving(
                     state, Rates(v[m], a[m], aux[m]), g[m], last, plan[k][1], kept[7][m], plan[k][2], int(kept[8][m, 0]),

@@ -383,7 +383,8 @@ class History:
             group = self.model.space.groups[view.group]
             C = group.stiffness[view.elements].reshape(-1, 6, 6)
             strain = self.strains(rod)
-            total += 0.5 * np.einsum("tqi,qij,tqj,q->t", strain, C, strain, group.dx[view.elements].ravel())
+            stress = np.einsum("tqi,qij->tqj", strain, C, optimize=True)
+            total += 0.5 * np.einsum("tqj,tqj,q->t", strain, stress, group.dx[view.elements].ravel(), optimize=True)
         return total
 
     @property
@@ -501,13 +502,10 @@ class History:
         rod = self.rod(rod)
         view = self.model.space[rod]
         group = self.model.space.groups[view.group]
-        strains, frames = [], []
-        for record in self.records:
-            strain, frame = self.model.space.strain_and_frame(record.state, view.group)
-            strains.append((strain - group.reference)[view.elements].reshape(-1, 6))
-            frames.append(frame[view.elements].reshape(-1, 3, 3))
+        strains, frames = self.model.space.strains_and_frames([record.state for record in self.records], view.group)
+        strains = strains[:, view.elements] - group.reference[view.elements]
         n = len(view.s_gauss)
-        return np.array(strains).reshape(-1, n, 6), np.array(frames).reshape(-1, n, 3, 3)
+        return strains.reshape(-1, n, 6), frames[:, view.elements].reshape(-1, n, 3, 3)
 
     def rod(self, rod: Rod | str) -> Rod:
         """A rod of the model, by itself or by name."""

@@ -458,18 +458,25 @@ class Space:
 
     def strain_and_frame(self, state: State, group: int) -> tuple[np.ndarray, np.ndarray]:
         """Total strain (Gamma, K) (E, Q, 6) and rotation (E, Q, 3, 3) at the Gauss points of a group."""
-        g = self.groups[group]
+        strains, frames = self.strains_and_frames([state], group)
+        return strains[0], frames[0]
+
+    def strains_and_frames(self, states: Sequence[State], group: int) -> tuple[np.ndarray, np.ndarray]:
+        """As `strain_and_frame`, of several states: a leading axis."""
+        g, T = self.groups[group], len(states)
         E, Q = g.dx.shape
-        strain, frame = np.empty((E, Q, 6)), np.empty((E, Q, 3, 3))
+        strains, frames = np.empty((T, E, Q, 6)), np.empty((T, E, Q, 3, 3))
         if self.theory == "string":
-            return self._stretch_and_frame(state, g)
-        if state.angles is not None:
-            kardan.strain_and_frame(g.conn, g.N, g.N_s, state.r, state.angles, strain, frame)
-        else:
-            flat = np.empty((E, Q, 9))
-            condense.strain_and_frame(g.packed_conn, E, g.N, g.packed_slopes, state.r, state.q, strain, flat)
-            frame = flat.reshape(E, Q, 3, 3)
-        return strain, frame
+            for k, state in enumerate(states):
+                strains[k], frames[k] = self._stretch_and_frame(state, g)
+        elif T and states[0].angles is not None:
+            for k, state in enumerate(states):
+                kardan.strain_and_frame(g.conn, g.N, g.N_s, state.r, state.angles, strains[k], frames[k])
+        elif T:
+            r, q = np.stack([state.r for state in states]), np.stack([state.q for state in states])
+            flat = frames.reshape(T, E, Q, 9)
+            condense.strain_and_frame(g.packed_conn, E, g.N, g.packed_slopes, r, q, strains, flat)
+        return strains, frames
 
     def _stretch_and_frame(self, state: State, g: Group) -> tuple[np.ndarray, np.ndarray]:
         """As `strain_and_frame`, of strings: d3 is the tangent, d1 as near as may be to that of the element's first node."""

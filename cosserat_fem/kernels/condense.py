@@ -547,16 +547,17 @@ def extrapolate_stress(conn, N, N_s, C, C_full, reference, r, q, du, scale, sigm
 
 @kernel
 def strain_and_frame(conn, n_elements, N, N_s, r, q, strain, frame):
-    """Total strain (Gamma, K) (E, Q, 6) and rotation matrix (E, Q, 9) at every Gauss point."""
+    """Total strain (Gamma, K) (T, E, Q, 6) and rotation matrix (T, E, Q, 9) at the Gauss points of states r (T, N, 3), q."""
     A, Q = conn.shape[1], N.shape[0]
     node, S, M = np.empty(7 * A * LANES), np.empty(11 * LANES), np.empty(KINEMATIC_ROWS * LANES)
-    for k in range(conn.shape[0]):
-        gather(conn[k], r, q, node)
-        for i in range(Q):
-            interpolate(N[i], N_s[k, i], node, S)
-            kinematics(S, M)
-            for lane in range(min(LANES, n_elements - k * LANES)):
-                for j in range(6):
-                    strain[k * LANES + lane, i, j] = M[(9 + j) * LANES + lane]
-                for j in range(9):
-                    frame[k * LANES + lane, i, j] = M[j * LANES + lane]
+    for t in range(r.shape[0]):
+        for k in range(conn.shape[0]):
+            gather(conn[k], r[t], q[t], node)
+            for i in range(Q):
+                interpolate(N[i], N_s[k, i], node, S)
+                kinematics(S, M)
+                for lane in range(min(LANES, n_elements - k * LANES)):
+                    for j in range(6):
+                        strain[t, k * LANES + lane, i, j] = M[(9 + j) * LANES + lane]
+                    for j in range(9):
+                        frame[t, k * LANES + lane, i, j] = M[j * LANES + lane]

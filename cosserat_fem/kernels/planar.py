@@ -668,12 +668,13 @@ def add_loads(nodes, q, force, moment, kinds, each, g, nodal):
 def step_rates(moved, q0, q, v0, a0, b0, coefficients, driven, v_driven, a_driven, D, v, a, b):
     """As `inertia.step_rates`, (N, 3); driven rates (M, 3), not a number where they are not given."""
     h, am, af, beta, gamma = coefficients
+    per_square, old, part = 1.0 / (beta * h * h), h * h * (0.5 - beta), 1.0 / (1.0 - af)
     for k in range(q.shape[0]):
         D[k, 0], D[k, 1], D[k, 2] = moved[k, 0], moved[k, 1], angle_between(q0[k], q[k])
         for i in range(3):
-            b[k, i] = (D[k, i] - h * v0[k, i] - h * h * (0.5 - beta) * b0[k, i]) / (beta * h * h)
+            b[k, i] = per_square * (D[k, i] - h * v0[k, i] - old * b0[k, i])
             v[k, i] = v0[k, i] + h * ((1.0 - gamma) * b0[k, i] + gamma * b[k, i])
-            a[k, i] = ((1.0 - am) * b[k, i] + am * b0[k, i] - af * a0[k, i]) / (1.0 - af)
+            a[k, i] = part * ((1.0 - am) * b[k, i] + am * b0[k, i] - af * a0[k, i])
     for m in range(driven.shape[0]):
         k = driven[m]
         for i in range(3):
@@ -735,20 +736,21 @@ def enter(axes, base, node, across, normal, r, q, stress, flat, p, sigma):
 
 @kernel
 def leave(axes, base, node, across, normal, flat, p, sigma, r, q, stress):
-    """The inverse of `enter`; the component of r along the normal stands already."""
+    """The inverse of `enter`, of several states: a leading axis; the component of r along the normal stands already."""
     i, j, k = axes
-    for m in range(q.shape[0]):
-        r[m, i], r[m, j] = flat[m, 0], flat[m, 1]
-        c, s, b = p[m, 0], p[m, 1], base[m]
-        q[m, 0] = c * b[0] - s * b[1 + k]
-        q[m, 1 + k] = c * b[1 + k] + s * b[0]
-        q[m, 1 + i] = c * b[1 + i] - s * b[1 + j]
-        q[m, 1 + j] = c * b[1 + j] + s * b[1 + i]
-    for m in range(sigma.shape[0]):
-        for o in range(sigma.shape[1]):
-            T, out = sigma[m, o], stress[m, o]
-            for l in range(LANES):
-                a, n = across[node[m, l]], normal[node[m, l]]
-                out[l], out[LANES + l], out[2 * LANES + l] = T[LANES + l] * a[0], T[LANES + l] * a[1], T[l]
-                bend = T[2 * LANES + l]
-                out[3 * LANES + l], out[4 * LANES + l], out[5 * LANES + l] = bend * n[0], bend * n[1], 0.0
+    for t in range(q.shape[0]):
+        for m in range(q.shape[1]):
+            r[t, m, i], r[t, m, j] = flat[t, m, 0], flat[t, m, 1]
+            c, s, b = p[t, m, 0], p[t, m, 1], base[m]
+            q[t, m, 0] = c * b[0] - s * b[1 + k]
+            q[t, m, 1 + k] = c * b[1 + k] + s * b[0]
+            q[t, m, 1 + i] = c * b[1 + i] - s * b[1 + j]
+            q[t, m, 1 + j] = c * b[1 + j] + s * b[1 + i]
+        for m in range(sigma.shape[1]):
+            for o in range(sigma.shape[2]):
+                T, out = sigma[t, m, o], stress[t, m, o]
+                for l in range(LANES):
+                    a, n = across[node[m, l]], normal[node[m, l]]
+                    out[l], out[LANES + l], out[2 * LANES + l] = T[LANES + l] * a[0], T[LANES + l] * a[1], T[l]
+                    bend = T[2 * LANES + l]
+                    out[3 * LANES + l], out[4 * LANES + l], out[5 * LANES + l] = bend * n[0], bend * n[1], 0.0

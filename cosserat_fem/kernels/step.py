@@ -247,13 +247,14 @@ def newton(
     that follow (M - n,) the node and the support (or -1) of their joint's first. inertia: mass (empty: at rest), J, r0, q0,
     v0, a0, b0, coefficients, driven, v_driven, a_driven. loads: nodes, force, moment, kinds, whether any depends on the
     attitude. offset (N, d) or empty: added to the residual. limits: tolerance, length, mean element, round-off of forces, of
-    moments, gap of places, stiffness against turning a node. controls: largest number of iterations, guarded, symmetric.
+    moments, gap of places, stiffness against turning a node. controls: largest number of iterations, guarded, symmetric,
+    and how many iterations it will take at least, so that no residual is computed before without the tangent.
     scratch: g, nodal (empty if no load has a tangent, at rest), du, D, v, a, b, what each load adds, R, gap.
     Returns (status, iterations, solves, residual evaluations, residual in units of the tolerance, node of the largest,
     negative eigenvalues or -1).
     """
     tolerance, length, element, force_noise, moment_noise, closed, stiffness = limits
-    iterations, guarded, symmetric = controls
+    iterations, guarded, symmetric, expected = controls
     g, nodal, du, D, v, a, b, each, R, gap = scratch
     nodes, is_held, n = held[0], held[3], held[5].shape[0]
     in_time = inertia[0].shape[0] > 0
@@ -350,7 +351,7 @@ def newton(
         done += 1
         before = value
         small = turn < 1e-3 and shift < 1e-3 * length
-        cheap = scale == 1.0 and small and mu <= SMALLEST_SHIFT
+        cheap = scale == 1.0 and small and mu <= SMALLEST_SHIFT and done >= expected
         if guarded and scale == 1.0:
             mu = mu / 4.0 if mu >= 4e-3 else SMALLEST_SHIFT
 
@@ -422,7 +423,7 @@ def run_steps(
     h_before, h, load_of, place_of, keeps = steps
     r, q, sigma, v, a, b, g, each = state
     g1, nodal, du, D, v1, a1, b1, each1, R, gap, r1, q1, sigma1, moved, b0, coefficients = scratch
-    moves, none, controls = r.shape[1], np.empty((0, 0)), (20, False, False)
+    moves, none, expected = r.shape[1], np.empty((0, 0)), 1
     made = iterations = checks = n_kept = done = 0
     value = 0.0
     coefficients[1], coefficients[2], coefficients[3], coefficients[4] = am, af, beta, gamma
@@ -461,8 +462,8 @@ def run_steps(
                     moved[k, i] = du[k, i]
                     r1[k, i] = r[k, i] + du[k, i]
             status, taken, solved, more, left, _, _ = newton(
-                size, space, plane, beam, linear, held, rates_before, table, none, bounds, controls, moved, r1, q1, sigma1,
-                (g1, nodal, du, D, v1, a1, b1, each1, R, gap),
+                size, space, plane, beam, linear, held, rates_before, table, none, bounds,
+                (20, False, False, expected), moved, r1, q1, sigma1, (g1, nodal, du, D, v1, a1, b1, each1, R, gap),
             )  # fmt: skip
             iterations += solved
             checks += more
@@ -470,7 +471,7 @@ def run_steps(
                 break
         if status != CONVERGED:
             break
-        done, value = taken, left
+        done, value, expected = taken, left, taken
         dot_rows(load_nodes, each, each1, D, work)
         total = 0.0
         for k in range(D.shape[0]):
