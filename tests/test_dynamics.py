@@ -150,7 +150,7 @@ def test_compiled_step_is_the_general_one(terms, monkeypatch):
 # free flight
 
 
-def test_free_flight_keeps_momentum(capsys):
+def test_free_flight_keeps_momentum(say):
     section = cf.Section(
         force_stiffness=(1e4,) * 3, moment_stiffness=(500,) * 3, mass_per_length=1.0, rotary_inertia=(10, 10, 10)
     )
@@ -164,8 +164,7 @@ def test_free_flight_keeps_momentum(capsys):
         linear, angular = history.momentum
         assert np.abs(linear - linear[0]).max() < 1e-12 * np.linalg.norm(linear[0])
         errors.append(np.abs(angular - angular[0]).max() / np.linalg.norm(angular[0]))
-    with capsys.disabled():
-        print(f"\n  angular momentum: {', '.join(f'{e:.1e}' for e in errors)}", end="")
+    say(f"angular momentum: {', '.join(f'{e:.1e}' for e in errors)}")
     assert errors[-1] < 1e-6
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
 
@@ -253,12 +252,11 @@ def dzhanibekov(rate=20.0, flips=6):
     return t[k] - middle[k] * (t[k + 1] - t[k]) / (middle[k + 1] - middle[k]), period
 
 
-def test_dzhanibekov(capsys):
+def test_dzhanibekov(say):
     """A flat rod tumbling about its middle axis keeps the period of Euler's rigid body to 0.1 %."""
     times, period = dzhanibekov()
     found = 2 * np.diff(times).mean()
-    with capsys.disabled():
-        print(f"\n  period {found:.5f} s, elliptic integral {period:.5f} s", end="")
+    say(f"period {found:.5f} s, elliptic integral {period:.5f} s")
     assert len(times) >= 5
     assert found == pytest.approx(period, rel=1e-3)
 
@@ -301,7 +299,7 @@ def test_step_far_too_large_is_rejected_and_recovered():
 # control
 
 
-def test_adaptive_error_goes_with_rtol(capsys):
+def test_adaptive_error_goes_with_rtol(say):
     """A driven clamp: the error stays below rtol, and each halving of rtol halves it within a factor of 2 on average."""
     model = arm_model()
     best = cf.solve_dynamic(model, 1.0, start="drawn", step=cf.FixedStep(2.5e-4, richardson=True), times=[1.0])
@@ -310,8 +308,7 @@ def test_adaptive_error_goes_with_rtol(capsys):
         history = cf.solve_dynamic(model, 1.0, start="drawn", step=cf.AdaptiveStep(rtol), times=[1.0])
         errors.append(np.abs(history.positions("rod") - best.positions("rod")).max() / 0.5)
         assert errors[-1] < rtol
-    with capsys.disabled():
-        print(f"\n  rtol 1e-2 .. 6e-4: errors {', '.join(f'{e:.1e}' for e in errors)}", end="")
+    say(f"rtol 1e-2 .. 6e-4: errors {', '.join(f'{e:.1e}' for e in errors)}")
     assert 1.0 < (errors[0] / errors[-1]) ** 0.25 < 4.0
 
 

@@ -3,11 +3,13 @@
 A test asks for the fixture `validation` and hands in rows: case, source of the reference, reference, result, acceptance.
 A row asserts that its error is accepted; on the page stand all rows of the run, also those that fail, with the reason.
 Rows of one case are variants of it: the page shows the one that is nearest to its acceptance, and how many there are.
+Rows travel as properties of a test's last report, so those of tests that ran in other processes are on the page too.
 """
 
+import json
 import pathlib
 import platform
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib import metadata
 
 import numpy as np
@@ -49,6 +51,7 @@ class Row:
 
 
 ROWS = pytest.StashKey[list]()
+PROPERTY = "validation row"
 
 
 @dataclass
@@ -103,40 +106,50 @@ def pytest_collection_modifyitems(items):
 
 
 @pytest.fixture
-def validation(request, capsys):
+def validation(request, say):
     """Rows of the validation page."""
-
-    def say(text):
-        with capsys.disabled():
-            print(f"\n  {request.node.name}: {text}", end="")
-
-    return Validation(request.node.nodeid, request.config.stash.setdefault(ROWS, []), say)
+    return Validation(request.node.nodeid, request.node.stash.setdefault(ROWS, []), say)
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item, call):
     """Give rows their time; a test that fails without a row, or is known to fail, gets one with the reason."""
     report = yield
-    if "validation" not in getattr(item, "fixturenames", ()) or (report.when != "call" and report.passed):
+    if "validation" not in getattr(item, "fixturenames", ()):
         return report
-    rows = item.config.stash.setdefault(ROWS, [])
-    mine = [row for row in rows if row.test == item.nodeid]
+    rows = item.stash.setdefault(ROWS, [])
     if report.when == "call":
-        for row in mine:
-            row.time = report.duration / len(mine)
+        for row in rows:
+            row.time = report.duration / len(rows)
+    if report.when == "call" or not report.passed:
+        add_failure(item, call, report, rows)
+    if report.when == "teardown":
+        report.user_properties += [(PROPERTY, json.dumps(asdict(row))) for row in rows]
+    return report
+
+
+def add_failure(item, call, report, rows):
     known = getattr(report, "wasxfail", None)
-    if report.passed or (report.skipped and known is None) or any(row.reason for row in mine):
-        return report
+    if report.passed or (report.skipped and known is None) or any(row.reason for row in rows):
+        return
     value = getattr(call.excinfo, "value", report.outcome)
     reason = known or next(iter(str(value).strip().splitlines()), type(value).__name__)
     doc = f"{item.name}: {(item.function.__doc__ or '').strip().splitlines()[0]}".rstrip(".: ")
     rows.append(Row(item.nodeid, doc, "", "", "", np.nan, np.nan, reason=reason, time=report.duration))
-    return report
 
 
-def pytest_sessionfinish(session):
-    if session.config.getoption("--write-validation", default=False):
-        PAGE.write_text(page(session.config.stash.get(ROWS, []), session.config.option.markexpr), encoding="utf-8")
+class Page:
+    """Gathers the rows of all reports, in the process that sees them all, and writes the page."""
+
+    def __init__(self):
+        self.rows = []
+
+    def pytest_runtest_logreport(self, report):
+        if report.when == "teardown":
+            self.rows += [Row(**json.loads(text)) for name, text in report.user_properties if name == PROPERTY]
+
+    def pytest_sessionfinish(self, session):
+        PAGE.write_text(page(self.rows, session.config.option.markexpr), encoding="utf-8")
 
 
 def page(rows, chosen):

@@ -15,17 +15,6 @@ def references():
 
 
 @pytest.fixture
-def report(capsys, request):
-    """Print one line for a result, visible with and without -s."""
-
-    def line(text):
-        with capsys.disabled():
-            print(f"\n  {request.node.name}: {text}", end="")
-
-    return line
-
-
-@pytest.fixture
 def order_of():
     """Observed order of convergence from errors at element counts, by a straight line through the logarithms."""
 

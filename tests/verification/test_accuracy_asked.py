@@ -23,7 +23,7 @@ def on_places(history, name, places):
 
 
 @pytest.mark.parametrize("asked", ASKED)
-def test_bend(references, report, asked):
+def test_bend(references, say, asked):
     """The 45 degree bend: tip in parts of the length, clamp moment in parts of itself."""
     a = np.linspace(0, np.pi / 4, 100)
     rod = cf.Rod(
@@ -36,13 +36,13 @@ def test_bend(references, report, asked):
     tip = np.linalg.norm(history.positions("bend")[0, -1] - ref["tip"]) / (25 * np.pi)
     wanted = np.array(ref["support_moment_n(0)xyz"])
     moment = np.abs(history.reaction("bend.start@ground")[0, 3:] - wanted).max() / np.abs(wanted).max()
-    report(f"tip {tip:.1e}, moment {moment:.1e}; {history.chosen}")
+    say(f"tip {tip:.1e}, moment {moment:.1e}; {history.chosen}")
     assert max(tip, moment) < asked
     assert history.chosen.estimate <= asked
 
 
 @pytest.mark.parametrize("asked", ASKED)
-def test_slack_cable(report, asked):
+def test_slack_cable(say, asked):
     """The slack cable: a quarter and the middle in parts of the length, the end force in parts of each component."""
     section = cf.Section(
         force_stiffness=(4e4, 4e4, 1e5), moment_stiffness=(1e-2, 1e-2, 0.8e-2), mass_per_length=2 / 9.81
@@ -57,12 +57,12 @@ def test_slack_cable(report, asked):
     apart = on_places(history, "cable", [0.25, 0.5]) - np.array([CABLE["quarter"], CABLE["half"]])
     force = np.abs(history.reaction("cable.start@ground")[0, :3])
     errors = np.linalg.norm(apart, axis=1).max(), np.abs(force - CABLE["force"])[[0, 2]].max() / 0.217
-    report(f"places {errors[0]:.1e}, force {errors[1]:.1e}; {history.chosen}")
+    say(f"places {errors[0]:.1e}, force {errors[1]:.1e}; {history.chosen}")
     assert max(errors) < asked
 
 
 @pytest.mark.parametrize("asked", ASKED)
-def test_deployment(references, report, asked):
+def test_deployment(references, say, asked):
     """The seed: every component at every degree in parts of its peak; the elements of the scene play no part."""
     scene = cf.load_scene(None)
     history = cf.solve_quasistatic(scene.model, scene.times, accuracy=asked)
@@ -70,7 +70,7 @@ def test_deployment(references, report, asked):
     a, b = history.reaction("fixed end"), history.reaction("moving end")
     found = np.stack([a[:, 0], a[:, 1], np.linalg.norm(a[:, :3], axis=1), a[:, 5], b[:, 5]], axis=1)
     errors = np.abs(found - reference).max(axis=0) / np.abs(reference).max(axis=0)
-    report(f"{errors.max():.1e}; {history.chosen}, {history.chosen.iterations} iterations in all")
+    say(f"{errors.max():.1e}; {history.chosen}, {history.chosen.iterations} iterations in all")
     assert errors.max() < asked
     assert history.model is not scene.model
     assert history.model.rods == scene.model.rods
@@ -79,7 +79,7 @@ def test_deployment(references, report, asked):
 
 
 @pytest.mark.parametrize("asked", [1e-3, pytest.param(1e-5, marks=pytest.mark.slow)])
-def test_pendulum(references, report, asked):
+def test_pendulum(references, say, asked):
     """The rubber pendulum: root mean square of the tip over 1 s, in parts of the length."""
     section = cf.Section.round(0.01, youngs_modulus=5e6, shear_modulus=5e6 / 3, density=1100.0, shear_factor=1.0)
     rod = cf.Rod("rod", section, [(0, 0, 0), (1, 0, 0)])
@@ -87,5 +87,5 @@ def test_pendulum(references, report, asked):
     history = cf.solve_dynamic(model, 1.0, start="drawn", times=np.linspace(0, 1, 21), accuracy=asked)
     apart = history.positions("rod")[:, -1, :2] - np.array(references["D2_tip"])
     error = np.sqrt((apart**2).sum(-1).mean())
-    report(f"{error:.1e}; {history.chosen}, {history.chosen.travels} runs")
+    say(f"{error:.1e}; {history.chosen}, {history.chosen.travels} runs")
     assert error < asked

@@ -30,12 +30,12 @@ STEPS = {"fixed": cf.FixedStep(1e-3), "adaptive": cf.AdaptiveStep(1e-3)}
 @pytest.mark.parametrize(
     ("name", "duration"), [("fixed", 0.3), pytest.param("adaptive", 0.12, marks=pytest.mark.slow)], ids=STEPS
 )
-def test_flat_bounce(name, duration, report):
+def test_flat_bounce(name, duration, say):
     """Falls flat from three radii: at most 2 % lost in each bounce, nothing gained."""
     _, energy, height, history = drop(STEPS[name], duration=duration)
     top = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:]) & (height[1:-1] > 0.01)) + 1
     peaks = np.concatenate([[energy[0]], energy[top]])
-    report(
+    say(
         f"energy at the tops {(peaks / energy[0]).round(5)}, at most {energy.max() / energy[0] - 1:.1e} more, "
         f"{history.message}"
     )
@@ -62,10 +62,10 @@ def test_energy_stands_in_flight():
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:energy ledger")
 @pytest.mark.parametrize("name", STEPS)
-def test_tilted_bounce(name, report):
+def test_tilted_bounce(name, say):
     """Meets the floor with one end and clatters: energy never grows."""
     _, energy, _, history = drop(STEPS[name], tilt=0.1)
-    report(
+    say(
         f"left {energy[-1] / energy[0]:.4f}, at most {energy.max() / energy[0] - 1:.1e} more than at the start, "
         f"{history.message}"
     )
@@ -74,7 +74,7 @@ def test_tilted_bounce(name, report):
 
 @pytest.mark.filterwarnings("ignore:energy ledger")
 @pytest.mark.slow
-def test_friction_takes_energy_in_every_step(report):
+def test_friction_takes_energy_in_every_step(say):
     """Thrown along the floor: the work of friction on the rod and the floor is a loss in each step."""
     section = cf.Section.round(0.01, youngs_modulus=1e8, poisson_ratio=0.3, density=1200)
     rod = cf.Rod("rod", section, [(0, 0, 0.006), (0.3, 0, 0.006)], n_elements=5)
@@ -83,6 +83,6 @@ def test_friction_takes_energy_in_every_step(report):
     velocity = cf.RigidVelocity(v=(0.3, 0.1, 0))
     history = cf.solve_dynamic(model, 0.1, start="drawn", velocity=velocity, step=cf.FixedStep(1e-3), rho_inf=0.9)
     lost = history.friction_work(term.name)
-    report(f"lost {lost[-1]:.3e} of {history.kinetic_energy[0]:.3e} J, {history.message}")
+    say(f"lost {lost[-1]:.3e} of {history.kinetic_energy[0]:.3e} J, {history.message}")
     assert (np.diff(lost) >= -1e-15).all()
     assert lost[-1] > 0.1 * history.kinetic_energy[0]

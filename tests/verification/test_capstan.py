@@ -104,8 +104,8 @@ def test_hung_rope_holds(validation):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:energy ledger")
-def test_hung_rope_slides(report):
+def test_hung_rope_slides(say):
     """3 % above it: slides off, faster and faster up to what damping allows."""
     y, history = hung(1.03 * cr.capstan_ratio(0.3, np.pi, THICK, RADIUS), duration=2.0, step=0.01)
-    report(f"fell {y[0] - y[-1]:.3f} m, {history.message}")
+    say(f"fell {y[0] - y[-1]:.3f} m, {history.message}")
     assert y[0] - y[-1] > 1e-2

@@ -7,7 +7,7 @@ from scipy.optimize import fsolve
 from verification import contact_references as cr
 
 
-def test_capstan_numbers(report):
+def test_capstan_numbers(say):
     """The exponent solves lambda (1 + mu eps lambda) = mu (1 - eps); thin limit exp(mu theta); one printed value."""
     for mu in (0.1, 0.3, 0.6):
         for a in (1e-3, 0.02, 0.3):
@@ -16,11 +16,11 @@ def test_capstan_numbers(report):
     assert cr.capstan_ratio(0.3, np.pi, 0.0, 1.0) == pytest.approx(np.exp(0.3 * np.pi), rel=1e-14)
     assert cr.capstan_ratio(0.3, np.pi, 1e-9, 1.0) == pytest.approx(np.exp(0.3 * np.pi), rel=1e-8)
     ratio = cr.capstan_ratio(0.3, np.pi, 0.02, 1.0)
-    report(f"mu 0.3, a/R 0.02, half a turn: {ratio:.6f}, thin {np.exp(0.3 * np.pi):.6f}")
+    say(f"mu 0.3, a/R 0.02, half a turn: {ratio:.6f}, thin {np.exp(0.3 * np.pi):.6f}")
     assert ratio == pytest.approx(2.51533, abs=5e-6)
 
 
-def test_capstan_in_the_wrap(report):
+def test_capstan_in_the_wrap(say):
     """Integrating T' = f (1 - a/r) and a f' = T/r - f/mu from any start at the inlet: the ratio is soon exp(lambda)."""
     mu, a, R = 0.3, 0.05, 1.0
     r = R + a
@@ -32,7 +32,7 @@ def test_capstan_in_the_wrap(report):
     for f in (0.0, 3.0):
         found = solve_ivp(rates, (0, 3), [1.0, f], method="Radau", rtol=1e-11, atol=1e-13, t_eval=places).y
         error = found[0, 1] / found[0, 0] / cr.capstan_ratio(mu, 2.0, a, R) - 1
-        report(f"friction {f} N/m at the inlet: error {error:.1e}")
+        say(f"friction {f} N/m at the inlet: error {error:.1e}")
         assert abs(error) < 1e-8
 
 
@@ -74,7 +74,7 @@ def stiff_wrap(mu, theta, a, R, EI, k, start=None, free=1.0):
 
 
 @pytest.mark.parametrize(("mu", "a", "EI"), [(0.5, 0.2, 0.01), (0.3, 0.1, 0.0025), (0.4, 0.02, 0.005)])
-def test_stiff_capstan(report, mu, a, EI):
+def test_stiff_capstan(say, mu, a, EI):
     """Ratio and torque against the whole rod on a soft drum; the error falls as the layer gets stiffer."""
     ref = cr.stiff_capstan(mu, 2.0, a, 1 - a, EI, 1.0)
     start, errors = None, []
@@ -83,7 +83,7 @@ def test_stiff_capstan(report, mu, a, EI):
         errors.append([ratio / ref.ratio - 1, torque / ref.torque - 1])
     thin = ref.ratio / np.exp(2 * mu) - 1
     inner = ref.ratio / cr.capstan_ratio(mu, 2.0, a, 1 - a) - 1
-    report(f"errors {errors[-1][0]:.1e}, {errors[-1][1]:.1e}; from exp(mu theta) {thin:.1e}, from the wrap {inner:.1e}")
+    say(f"errors {errors[-1][0]:.1e}, {errors[-1][1]:.1e}; from exp(mu theta) {thin:.1e}, from the wrap {inner:.1e}")
     assert abs(np.array(errors[-1])).max() < 1e-4
     assert abs(np.array(errors[-1])).max() < 0.6 * abs(np.array(errors[-2])).max()
 
@@ -111,7 +111,7 @@ def test_band_brake():
 
 
 @pytest.mark.parametrize(("height", "pull"), [(1e-3, 0.0), (0.7, 0.0), (3.0, 0.0), (0.7, 2.0)])
-def test_lifted_rod(report, height, pull):
+def test_lifted_rod(say, height, pull):
     """Against shooting from touch-down; the work of the force is the gain in energy when nothing pulls sideways."""
     w, EI = 2.5, 0.8
     ref = cr.lifted_rod(height, w, EI, pull=pull)
@@ -131,7 +131,7 @@ def test_lifted_rod(report, height, pull):
     force, length = fsolve(misses, [ref.force * 1.0001, ref.length * 0.9999], xtol=1e-13)
     shape = shoot((force, length), t_eval=np.minimum(ref.s, length)).y
     off = abs(shape - [ref.x, ref.z, ref.angle, ref.curvature]).max(1)
-    report(f"length {ref.length:.8f} ({ref.length / length - 1:.0e}), force {ref.force:.8f}, shape {off.max():.0e}")
+    say(f"length {ref.length:.8f} ({ref.length / length - 1:.0e}), force {ref.force:.8f}, shape {off.max():.0e}")
     assert ref.length == pytest.approx(length, rel=1e-8)
     assert ref.force == pytest.approx(force, rel=1e-8)
     assert off.max() < 1e-7
@@ -152,7 +152,7 @@ def test_lifted_rod(report, height, pull):
 @pytest.mark.parametrize(
     ("height", "length", "EA"), [(1e-4, 1.0, 1e4), (0.01, 1.0, 1e4), (0.05, 1.0, 1e4), (0.065, 1.01, np.inf)]
 )
-def test_crossed_rod(report, height, length, EA):
+def test_crossed_rod(say, height, length, EA):
     """Against shooting from the clamp; the force is the derivative of the energy; 192 EI h / L^3 for small lift."""
     EI = 0.7
     ref = cr.crossed_rod(height, 1.0, length, EI, EA=EA * EI)
@@ -173,7 +173,7 @@ def test_crossed_rod(report, height, length, EA):
     force, pull, bend = fsolve(misses, [ref.force, ref.horizontal, ref.curvature[0]], xtol=1e-13)
     shape = shoot((force, pull, bend), t_eval=ref.s).y
     off = abs(shape - [ref.x, ref.z, ref.angle, ref.curvature]).max(1)
-    report(f"force {ref.force:.8f} ({ref.force / force - 1:.0e}), pull {pull:.6f}, shape {off.max():.0e}")
+    say(f"force {ref.force:.8f} ({ref.force / force - 1:.0e}), pull {pull:.6f}, shape {off.max():.0e}")
     assert ref.force == pytest.approx(force, rel=1e-6)
     assert ref.horizontal == pytest.approx(pull, rel=1e-6, abs=1e-6)
     assert off.max() < 1e-6
@@ -203,7 +203,7 @@ def test_crossed_pair():
 
 
 @pytest.mark.parametrize("tension", [-30.0, 0.0, 10.0, 300.0])
-def test_greenhill(report, tension):
+def test_greenhill(say, tension):
     """Integrating the fourth-order equation from a clamp: at the critical torque a clamped end can be met, first."""
     torque = cr.greenhill(tension)
 
@@ -216,7 +216,7 @@ def test_greenhill(report, tension):
         return np.linalg.svd(np.array(ends), compute_uv=False)[-1]
 
     below = [worst(m) for m in np.linspace(0.02, 0.98, 13) * torque]
-    report(f"T L^2/EI = {tension}: M L/EI = {torque:.6f} = {torque / np.pi:.6f} pi, remainder {worst(torque):.0e}")
+    say(f"T L^2/EI = {tension}: M L/EI = {torque:.6f} = {torque / np.pi:.6f} pi, remainder {worst(torque):.0e}")
     assert worst(torque) < 1e-9
     assert min(below) > 1e3 * worst(torque)
 
@@ -230,7 +230,7 @@ def test_greenhill_numbers():
 
 
 @pytest.mark.parametrize("force", [0.7, 1.0, 5.0])
-def test_mandrel(report, force):
+def test_mandrel(say, force):
     """Integrating the elastica from lift-off ends with no moment at the tip; the reactions carry both loads."""
     ref = cr.mandrel(force, 2.0, 1.0, 1.0)
     phi = ref.lift_off_angle
@@ -240,7 +240,7 @@ def test_mandrel(report, force):
 
     start = [np.sin(phi), np.cos(phi), phi, 1.0]
     end = solve_ivp(rates, (0, 2.0 - phi), start, method="DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
-    report(f"F = {force}: lift-off {phi:.6f}, point force {ref.point_force:.6f}, pressure {ref.line_pressure:.6f}")
+    say(f"F = {force}: lift-off {phi:.6f}, point force {ref.point_force:.6f}, pressure {ref.line_pressure:.6f}")
     np.testing.assert_allclose(end, [*ref.tip, ref.tip_angle, 0], atol=1e-9)
     lift = 2 * ref.point_force * np.cos(phi) + 2 * ref.line_pressure * np.sin(phi)
     assert lift == pytest.approx(2 * force, rel=1e-12)

@@ -141,7 +141,7 @@ def test_steps_of_any_size(reference):
         np.testing.assert_allclose(columns(cf.solve_quasistatic(model, times))[-1], fine, rtol=1e-8, atol=1e-8)
 
 
-def test_kardan_angles(reference, report, validation):
+def test_kardan_angles(reference, say, validation):
     """The turned scene with the paper's Kardan angles, and with quaternions: both converge to the reference.
 
     In this plane the Kardan interpolation is that of one angle: objective, and the more accurate of the two.
@@ -154,7 +154,7 @@ def test_kardan_angles(reference, report, validation):
         quaternion = columns(travel(scene, n_elements=n), axes=(1, 2, 0))
         difference.append(largest_error(kardan, quaternion).max())
         errors.append([largest_error(found, reference).max() for found in (kardan, quaternion)])
-        report(f"{n} elements: Kardan {errors[-1][0]:.1e}, quaternion {errors[-1][1]:.1e}, apart {difference[-1]:.1e}")
+        say(f"{n} elements: Kardan {errors[-1][0]:.1e}, quaternion {errors[-1][1]:.1e}, apart {difference[-1]:.1e}")
     assert 1e-6 < difference[0] < 1e-4  # two interpolations, not one
     assert difference[1] < difference[0] / 30  # that agree as elements shrink
     validation.error(

@@ -72,7 +72,7 @@ def test_mirrored_spaghetti(references, validation):
     validation.error("flying spaghetti in space", SPECTRAL, error, 1e-5, unit="L", variant="mirrored couple, rms")
 
 
-def test_order_of_spaghetti(references, report, order_of):
+def test_order_of_spaghetti(references, say, order_of):
     """Order 2 in positions and velocities (root mean square) for several spectral radii, before the load's kink."""
     model = spaghetti(STIFF_3D, triangle((0.1, 0, 0)), triangle((0, -0.5, -1)), 4, 3)
 
@@ -88,7 +88,7 @@ def test_order_of_spaghetti(references, report, order_of):
             for dt in steps
         ]
         orders = [-order_of(steps, e) for e in np.array(errors).T]
-        report(f"rho {rho}: position {errors[-1][0]:.1e}, order {orders[0]:.2f}; velocity order {orders[1]:.2f}")
+        say(f"rho {rho}: position {errors[-1][0]:.1e}, order {orders[0]:.2f}; velocity order {orders[1]:.2f}")
         assert orders[0] > 1.8
         assert orders[1] > 1.6  # the load starts with a kink, and waves with fronts
 
@@ -99,7 +99,7 @@ def smooth_turn(t):
     return x**6 * (462 - 1980 * x + 3465 * x**2 - 3080 * x**3 + 1386 * x**4 - 252 * x**5)
 
 
-def test_order_with_a_driven_clamp(report, order_of):
+def test_order_with_a_driven_clamp(say, order_of):
     """A clamp that turns smoothly: order 2 in positions, velocities, reaction force, moment and hinge torque."""
     section = cf.Section(
         force_stiffness=(400, 400, 1000), moment_stiffness=(0.1, 0.1, 0.08), mass_per_length=0.05,
@@ -126,7 +126,7 @@ def test_order_with_a_driven_clamp(report, order_of):
     )
     orders = [-order_of(steps, e) for e in errors.T]
     names = ("position", "velocity", "force", "moment", "torque")
-    report(", ".join(f"{n} {e:.1e} order {o:.2f}" for n, e, o in zip(names, errors[-1], orders, strict=True)))
+    say(", ".join(f"{n} {e:.1e} order {o:.2f}" for n, e, o in zip(names, errors[-1], orders, strict=True)))
     assert min(orders) > 1.8
     assert errors[-1].max() < 1e-2
 
@@ -318,7 +318,7 @@ def test_adaptive_error_goes_with_rtol(references, validation, problem):
         assert 1.0 < a / b < 4.0
 
 
-def test_slow_motion_is_quasi_static(report):
+def test_slow_motion_is_quasi_static(say):
     """The hinge scene at 1 deg/s in time: forces, moments and torque of the equilibria to 1e-3 from 5 deg on."""
     scene = cf.load_scene(None)
     model = scene.model
@@ -332,5 +332,5 @@ def test_slow_motion_is_quasi_static(report):
             worst = max(worst, np.abs(a - b)[5:].max() / np.abs(a).max())
     torque = still.hinge_torque("panel")
     worst = max(worst, np.abs(moving.hinge_torque("panel") - torque)[5:].max() / np.abs(torque).max())
-    report(f"largest difference {worst:.1e} of the peak; {moving.message}")
+    say(f"largest difference {worst:.1e} of the peak; {moving.message}")
     assert worst < 1e-3

@@ -115,7 +115,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("problem", "n", "order"), CASES, ids=lambda v: getattr(v, "__name__", str(v)))
-def test_equilibrium(references, report, problem, n, order):
+def test_equilibrium(references, say, problem, n, order):
     """The estimate for tips, end forces and clamp moments is within 0.3 and 10 of the true error."""
     model, quantity, reference = problem(references, n, order)
     history = solve(problem, model)
@@ -124,12 +124,12 @@ def test_equilibrium(references, report, problem, n, order):
     true = np.linalg.norm(quantity(history) - reference)
     estimated = np.linalg.norm(quantity(history) - quantity(finer))
     counts = history.counters.iterations, richer.newton.counters.iterations
-    report(f"true {true:.1e}, estimated {estimated:.1e}: {estimated / true:.2f}; {counts[0]} + {counts[1]} iterations")
+    say(f"true {true:.1e}, estimated {estimated:.1e}: {estimated / true:.2f}; {counts[0]} + {counts[1]} iterations")
     assert 0.3 < estimated / true < 10
 
 
 @pytest.mark.parametrize(("n", "order"), [(16, 3), (24, 2), (12, 4)])
-def test_deployment(references, report, n, order):
+def test_deployment(references, say, n, order):
     """The satellite hinge: peak force, both peak moments and the peak torque, each at its station."""
     drawn = cf.load_scene(None).model
     (rod,) = drawn.rods
@@ -154,12 +154,12 @@ def test_deployment(references, report, n, order):
         k = int(np.argmax(reference))
         true = abs(values[name][k] - reference[k])
         estimated = abs(values[name][k] - found(richer.station(k))[name][0])
-        report(f"{name} at {k} deg: true {true:.1e}, estimated {estimated:.1e}: {estimated / true:.2f}")
+        say(f"{name} at {k} deg: true {true:.1e}, estimated {estimated:.1e}: {estimated / true:.2f}")
         assert 0.3 < estimated / true < 10
 
 
 @pytest.mark.parametrize(("n", "order"), [(6, 3), (8, 2)])
-def test_following_cable(references, report, n, order):
+def test_following_cable(references, say, n, order):
     """A cable that follows an arm by 90 deg: force and couple at the arm."""
     section = cf.Section(force_stiffness=(400, 400, 1000), moment_stiffness=(1e-3, 1e-3, 8e-4))
     rod = cf.Rod("cable", section, [(0, 0, 0), (0.5, 0, 0)], n_elements=n, order=order)
@@ -171,7 +171,7 @@ def test_following_cable(references, report, n, order):
         load = history.reaction("cable.end@arm")[k, [0, 1, 5]]
         finer = richer.station(k).reaction("cable.end@arm")[0, [0, 1, 5]]
         true, estimated = abs(load - reference[3 * k]), abs(load - finer)
-        report(f"{3 * k} deg: " + ", ".join(f"{e:.1e} for {t:.1e}" for t, e in zip(true, estimated, strict=True)))
+        say(f"{3 * k} deg: " + ", ".join(f"{e:.1e} for {t:.1e}" for t, e in zip(true, estimated, strict=True)))
         assert (estimated > 0.3 * true).all()
         assert (estimated < 10 * true).all()
 
@@ -186,7 +186,7 @@ def finest(model: Model, n: int, order: int) -> Model:
     return model.with_elements(cut)
 
 
-def test_frame(report):
+def test_frame(say):
     """Three rods of different order welded in a joint and loaded there, against elements eight times smaller of order 5."""
     section = cf.Section.rectangle(0.02, 0.01, youngs_modulus=1e8, poisson_ratio=0.3)
     feet = [(0, 0, 0), (1, 0.2, 0), (0.3, 1, 0.1)]
@@ -204,5 +204,5 @@ def test_frame(report):
         a, b, c = (h.reaction(support)[0] for h in (history, finer, reference))
         for part in (slice(0, 3), slice(3, 6)):
             true, estimated = np.linalg.norm((a - c)[part]), np.linalg.norm((a - b)[part])
-            report(f"{support}: true {true:.1e}, estimated {estimated:.1e}")
+            say(f"{support}: true {true:.1e}, estimated {estimated:.1e}")
             assert 0.3 < estimated / true < 10

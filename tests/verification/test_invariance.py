@@ -7,7 +7,7 @@ import cosserat_fem as cf
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
-def test_no_locking(report, order):
+def test_no_locking(say, order):
     """Bend of the same flexibility at slenderness 10 to 1e5: the error does not grow, and stays that of the order."""
     R, ratios = 1.0, (1e1, 1e2, 1e3, 1e4, 1e5)
     a = np.linspace(0, np.pi / 4, 100)
@@ -25,7 +25,7 @@ def test_no_locking(report, order):
             load = cf.PointLoad(rod, "end", force=(0, 0, 7.2))
             tips.append(cf.solve_static(cf.Model([rod], [cf.Clamp(rod, "start")], [load])).positions(rod)[0, -1])
         errors.append(np.linalg.norm(tips[0] - tips[1]) / R)
-    report(f"p{order}, L/d = 1e1 .. 1e5: {', '.join(f'{e:.1e}' for e in errors)}")
+    say(f"p{order}, L/d = 1e1 .. 1e5: {', '.join(f'{e:.1e}' for e in errors)}")
     assert max(errors) < 3e-3 / 20 ** (order - 1)
     assert max(errors[1:]) < max(1.5 * min(errors[1:]), 1e-11)  # the floor is round-off
 

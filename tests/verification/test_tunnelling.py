@@ -109,10 +109,10 @@ def throw(target, seed, tmp_path, *, contact=True, most=300):
 
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("target", TARGETS)
-def test_throws(target, tmp_path, report):
+def test_throws(target, tmp_path, say):
     """Two throws; the rod touches and never passes."""
     thrown = [throw(target, seed, tmp_path, most=80) for seed in range(2)]
-    report(
+    say(
         f"steps {[t.steps for t in thrown]}, touched {sum(t.touched for t in thrown)}, "
         f"stopped {sum(bool(t.message) for t in thrown)}"
     )
@@ -146,12 +146,12 @@ def test_control(target, tmp_path):
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("block", range(BLOCKS))
 @pytest.mark.parametrize("target", TARGETS)
-def test_thousand_throws(target, block, tmp_path, report):
+def test_thousand_throws(target, block, tmp_path, say):
     """1000 throws up to 100 m/s, a hundred radii in a step; blocks may run side by side."""
     seeds = range(EACH * block, EACH * (block + 1))
     thrown = {seed: throw(target, seed, tmp_path) for seed in seeds}
     stopped = {seed: t.message for seed, t in thrown.items() if t.message}
-    report(f"{sum(t.touched for t in thrown.values())} of {EACH} touched, stopped: {sorted(stopped)}")
+    say(f"{sum(t.touched for t in thrown.values())} of {EACH} touched, stopped: {sorted(stopped)}")
     assert [seed for seed, t in thrown.items() if t.passes] == []
     assert sum(t.touched for t in thrown.values()) >= 0.9 * EACH
 
@@ -187,23 +187,23 @@ def pushed(target, tmp_path, step, *, friction=0.2, speed=10.0):
 @pytest.mark.parametrize(
     "target", [pytest.param("wire", marks=pytest.mark.slow), pytest.param("edge", marks=pytest.mark.slow), "sheet"]
 )
-def test_part_pushes_in_time(target, tmp_path, report):
+def test_part_pushes_in_time(target, tmp_path, say):
     """A part at 10 m/s throws the rod forward, and the rod never passes it; ten radii in a step."""
     passed, v = pushed(target, tmp_path, 1e-3)
-    report(f"pushed to {v:.2f} m/s")
+    say(f"pushed to {v:.2f} m/s")
     assert passed == 0
     assert v > 2.0
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_part_pushes_in_statics(tmp_path, report):
+def test_part_pushes_in_statics(tmp_path, say):
     """A wire that moves 20 radii in a station lifts a rod clamped at both ends; it is above the wire at each."""
     rod = cf.Rod("rod", section(np.random.default_rng(5)), [(0.0, -0.04, 0.003), (0.001, 0.04, 0.003)], n_elements=9)
     wire = cf.Part("wire", shape=cf.Capsule(*WIRE, RADIUS / 2), motion=cf.Slider((0, 0, 1), 10.0))
     model = cf.Model([rod], [cf.Clamp(rod, "start"), cf.Clamp(rod, "end")], [cf.PartContact(rod, wire)])
     history = cf.solve_quasistatic(model, [0.0, 1e-3, 2e-3, 3e-3])
     frames = [centreline(model, rod, r.state, 50) - wire.pose(r.state.t)[1] for r in history.records]
-    report(f"iterations {[r.iterations for r in history.records]}")
+    say(f"iterations {[r.iterations for r in history.records]}")
     assert judge.crossings_segment(np.array(frames), *WIRE) == 0
     heights = np.array(frames)[:, :, 2].max(axis=1)  # above the wire
     assert (heights >= 1.499 * RADIUS).all()

@@ -27,7 +27,7 @@ def twisted(turns, *, tension, contact=False, closer=None, skew=0.0, n_elements=
 
 
 @pytest.mark.parametrize("tension", [0.0, 10.0])
-def test_greenhill(tension, report):
+def test_greenhill(tension, say):
     """Turned in small steps, straight: the first negative pivot is at the critical torque, within 0.1 %."""
     critical = cr.greenhill(tension) * EI / LENGTH  # torque
     angle = critical * LENGTH / GJ
@@ -42,7 +42,7 @@ def test_greenhill(tension, report):
     assert abs(torque) == pytest.approx(0.999 * critical, rel=1e-6)
     assert abs(history.positions("rod")[-1, :, 1:]).max() < 1e-9
     above, _ = turned(1.001)
-    report(f"T = {tension}: {'un' * below}stable at 0.999, {'un' * above}stable at 1.001 of {critical:.4g} N m")
+    say(f"T = {tension}: {'un' * below}stable at 0.999, {'un' * above}stable at 1.001 of {critical:.4g} N m")
     assert not below
     assert above
 
@@ -76,10 +76,10 @@ def plectoneme():
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
-def test_loop_touches_and_never_passes(plectoneme, report):
+def test_loop_touches_and_never_passes(plectoneme, say):
     """Far beyond the torque it throws a loop that closes on itself; no place of it passes another."""
     frames, touched, message = plectoneme
-    report(f"first touched in step {touched.argmax()} of {len(touched)}, end at {frames[-1, -1, 0]:.3f} m. {message}")
+    say(f"first touched in step {touched.argmax()} of {len(touched)}, end at {frames[-1, -1, 0]:.3f} m. {message}")
     assert touched.any() or "and itself" in message
     assert frames[-1, -1, 0] < 0.8 * LENGTH
     assert judge.crossings_self(frames, skip=12) == 0
