@@ -4,6 +4,9 @@ import os
 import pathlib
 import sys
 
+# Small systems side by side: threads of BLAS would wait for each other (a dense eigenproblem then takes ten times as long).
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 import numpy as np
 import pytest
 
@@ -55,7 +58,7 @@ def pytest_configure(config):
 
 
 def pytest_xdist_auto_num_workers(config):
-    """The whole suite on all processors, four at most as each takes 1 GB and compiles; files named by hand in this process."""
+    """The whole suite on all processors, at most four: each compiles and takes 1 GB. Files named by hand in one process."""
     if config.args_source is not pytest.Config.ArgsSource.TESTPATHS:
         return 0
     return min(4, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)

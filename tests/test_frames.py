@@ -179,24 +179,27 @@ def kill_and_resume(scene, whole, out, rng):
         arguments = ["resume", out, "--no-pictures", "-q"]
 
 
-def slow_scene(tmp_path):
-    file = tmp_path / "scene.toml"
+@pytest.fixture(scope="module")
+def slow_scene(tmp_path_factory):
+    """A scene that takes seconds, and what a whole run of it finds."""
+    folder = tmp_path_factory.mktemp("slow")
+    file = folder / "scene.toml"
     file.write_text(SCENE.replace("{step}", "dt = 2e-4").replace('"0.5 s"', '"0.6 s"'))
-    out = tmp_path / "whole"
+    out = folder / "whole"
     assert main(["run", str(file), "-o", str(out), "--no-pictures", "-q"]) == 0
     return file, content(out)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs signals")
-def test_killed_run_goes_on(tmp_path):
-    file, whole = slow_scene(tmp_path)
+def test_killed_run_goes_on(slow_scene, tmp_path):
+    file, whole = slow_scene
     assert kill_and_resume(file, whole, tmp_path / "out", np.random.default_rng(0)) > 0
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="needs signals")
-def test_fifty_kills(tmp_path):
-    file, whole = slow_scene(tmp_path)
+def test_fifty_kills(slow_scene, tmp_path):
+    file, whole = slow_scene
     rng, kills, k = np.random.default_rng(1), 0, 0
     while kills < 50:
         kills += kill_and_resume(file, whole, tmp_path / f"out{k}", rng)
@@ -204,8 +207,8 @@ def test_fifty_kills(tmp_path):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs signals")
-def test_killed_run_can_be_exported(tmp_path):
-    file, _ = slow_scene(tmp_path)
+def test_killed_run_can_be_exported(slow_scene, tmp_path):
+    file, _ = slow_scene
     out = tmp_path / "out"
     process = start("run", file, "-o", out, "--no-pictures", "-q")
     while not (out / CHECKPOINT).exists() and process.poll() is None:
@@ -221,9 +224,9 @@ def test_killed_run_can_be_exported(tmp_path):
 
 @pytest.mark.skipif(os.name != "posix", reason="needs file size limits")
 @pytest.mark.parametrize("limit", [20_000, pytest.param(60_000, marks=pytest.mark.slow)])
-def test_full_disk_stops_with_one_line(tmp_path, limit):
+def test_full_disk_stops_with_one_line(slow_scene, tmp_path, limit):
     """A disk that takes no file beyond a size: the run stops, says so, and what is there can be read and resumed."""
-    file, whole = slow_scene(tmp_path)
+    file, whole = slow_scene
     out = tmp_path / "out"
     process = start("run", file, "-o", out, "--no-pictures", limit=limit)
     _, errors = process.communicate(timeout=120)
@@ -237,8 +240,8 @@ def test_full_disk_stops_with_one_line(tmp_path, limit):
         assert content(out) == whole
 
 
-def test_interrupt_leaves_a_resumable_run(tmp_path):
-    file, whole = slow_scene(tmp_path)
+def test_interrupt_leaves_a_resumable_run(slow_scene, tmp_path):
+    file, whole = slow_scene
     out = tmp_path / "out"
     process = start("run", file, "-o", out, "--no-pictures")
     while not (out / CHECKPOINT).exists() and process.poll() is None:
@@ -251,9 +254,9 @@ def test_interrupt_leaves_a_resumable_run(tmp_path):
     assert content(out) == whole
 
 
-def test_tiny_full_file_system(tmp_path):
+def test_tiny_full_file_system(slow_scene, tmp_path):
     """A real file system of 120 kB: one line, exit 1; with more room the run goes on to the same end."""
-    file, whole = slow_scene(tmp_path)
+    file, whole = slow_scene
     disk = tmp_path / "disk"
     disk.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", "size=120k", "tmpfs", str(disk)]
