@@ -58,7 +58,10 @@ def pytest_configure(config):
 
 
 def pytest_xdist_auto_num_workers(config):
-    """The whole suite on all processors, at most four: each compiles and takes 1 GB. Files named by hand in one process."""
-    if config.args_source is not pytest.Config.ArgsSource.TESTPATHS:
+    """The whole suite on all processors, at most four: each compiles and takes 1 GB.
+
+    One process for files named by hand, and for VALIDATION.md, which tells the time of each test.
+    """
+    if config.args_source is not pytest.Config.ArgsSource.TESTPATHS or config.getoption("--write-validation"):
         return 0
     return min(4, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)

@@ -1,5 +1,7 @@
 """The validation page: what stands on it, also of cases that fail."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import validation as v
@@ -38,3 +40,18 @@ def test_page_counts_cases_and_lists_failures(rows):
     assert "**fails** knot: does not / converge" in text
     assert "A part of the cases only" not in text
     assert "not slow" in v.page(rows, "validation and not slow")
+
+
+def test_rows_come_with_the_last_report_of_a_test(rows):
+    """Whole, numbers of NumPy and what is no number too, and once."""
+    check = v.Validation("test_a", rows, lambda text: None)
+    check.row("circle", "closed form", 1.0, 1.001, np.float64(2e-3), variant="a | b", order=np.float64(2.0))
+    rows.append(v.Row("test_b", "knot", "", "", "", np.nan, np.inf, reason="lost"))
+    gathered = v.Page()
+    for when in ("setup", "call", "teardown"):
+        gathered.pytest_runtest_logreport(
+            SimpleNamespace(when=when, user_properties=[*map(v.packed, rows), ("x", "y")])
+        )
+    assert v.page(gathered.rows, "validation") == v.page(rows, "validation")
+    assert len(gathered.rows) == 2
+    assert np.isnan(gathered.rows[1].error)

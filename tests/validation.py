@@ -124,7 +124,7 @@ def pytest_runtest_makereport(item, call):
     if report.when == "call" or not report.passed:
         add_failure(item, call, report, rows)
     if report.when == "teardown":
-        report.user_properties += [(PROPERTY, json.dumps(asdict(row))) for row in rows]
+        report.user_properties += map(packed, rows)
     return report
 
 
@@ -136,6 +136,11 @@ def add_failure(item, call, report, rows):
     reason = known or next(iter(str(value).strip().splitlines()), type(value).__name__)
     doc = f"{item.name}: {(item.function.__doc__ or '').strip().splitlines()[0]}".rstrip(".: ")
     rows.append(Row(item.nodeid, doc, "", "", "", np.nan, np.nan, reason=reason, time=report.duration))
+
+
+def packed(row):
+    """A row as a property of a report, which is sent between processes."""
+    return PROPERTY, json.dumps(asdict(row))
 
 
 class Page:
