@@ -1,6 +1,6 @@
 """How are pictures made without endangering a run?
 
-Rendering without a usable OpenGL library ends the process it happens in, so it must not be the one that solves.
+Rule: never in the process that solves, because rendering without a usable OpenGL library ends the process it happens in.
 """
 
 from __future__ import annotations

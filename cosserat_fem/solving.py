@@ -1,4 +1,7 @@
-"""Which solver does a scene ask for, and with what? Nothing is written but frames and checkpoints of runs in time."""
+"""Which solver does a scene ask for, and with what?
+
+Rule: nothing is written but frames and checkpoints of runs in time.
+"""
 
 from __future__ import annotations
 
