@@ -259,7 +259,7 @@ def test_a_case_that_the_machine_ended_is_tried_again(swept, tmp_path, monkeypat
         raise MemoryError
 
     with monkeypatch.context() as patched:
-        patched.setattr("cosserat_fem.run.solve_quasistatic", full)
+        patched.setattr("cosserat_fem.solving.solve_quasistatic", full)
         assert main(["sweep", str(file), "-o", str(tmp_path / "out"), "-q", "--no-pictures"]) == 1
     assert [row["status"] for row in table(tmp_path / "out")] == ["lost", "refused"] * 3
     assert "out of memory" in table(tmp_path / "out")[0]["reason"]
