@@ -13,7 +13,7 @@ from math import sqrt
 
 import numpy as np
 
-from . import inner, kernel
+from . import kernel, lean
 from .reach import OUT
 from .shapes import MESH, TORUS, beyond, closed_form, triangles
 from .strand import element_polynomial, place_at
@@ -21,7 +21,7 @@ from .strand import element_polynomial, place_at
 WIDER = 1.05  # radius of the ball about a cell over half of its chord, as it may be bent
 
 
-@inner
+@lean
 def ball(C, begin, end, y, slope, middle):
     """Middle (3,) and radius of the ball about a cell."""
     place_at(C, 0.5 * (begin + end), middle, slope)
@@ -51,9 +51,14 @@ def cell_balls(line, r, Q, c, middle, radius):
 @kernel
 def strayed(line, r, Q, c, middle, radius, allowed):
     """True if a cell has moved farther from where its ball was, in a frame, than it is allowed to (n,)."""
+    return any_strayed(line, r, Q, c, middle, radius, allowed, np.empty((line[2].shape[1], 3)), np.empty((3, 3)))
+
+
+@lean
+def any_strayed(line, r, Q, c, middle, radius, allowed, C, places):
     cells, counts, conn, coefficients = line
-    A, before = conn.shape[1], -1
-    C, y, z, slope = np.empty((A, 3)), np.empty(3), np.empty(3), np.empty(3)
+    y, z, slope = places[0], places[1], places[2]
+    before = -1
     for m in range(cells.shape[0]):
         e, number = cells[m, 0], cells[m, 1]
         if e != before:
@@ -75,8 +80,8 @@ def far_from(kind, size, middle, out):
         out[m] = row[0]
 
 
-@inner
-def room(distance, core, n0, n1, n2, d, part, spare):
+@lean
+def free_part(distance, core, n0, n1, n2, d, part, spare):
     """Part of the step d (3,) that closes at most `part` of the gap, or all but `spare`, by the tangent plane.
 
     Rigorous for convex bodies, whose distance is a convex function.
@@ -96,15 +101,20 @@ def largest_step(entries, line, r, moved, obstacles, Q1, c1, mesh, part, spare):
     Along each cell, at both ends and two places between, the gap distance - core may close by `part` of itself towards
     each convex piece of the obstacle: a triangle, a solid; a torus is met by short stretches of which each stays away.
     """
+    A = line[2].shape[1]
+    room = np.empty((A, 3)), np.empty((A, 3)), np.empty(3), np.empty(3), np.empty(3), np.empty(OUT)
+    return part_of_step(entries, line, r, moved, obstacles, Q1, c1, mesh, part, spare, room)
+
+
+@lean
+def part_of_step(entries, line, r, moved, obstacles, Q1, c1, mesh, part, spare, room):
     cells, counts, conn, coefficients = line
-    A = conn.shape[1]
     kinds, sizes, Q, c, _, cores = obstacles
-    C, D, y, d, slope, out = np.empty((A, 3)), np.empty((A, 3)), np.empty(3), np.empty(3), np.empty(3), np.empty(OUT)
+    C, D, y, d, slope, out = room
     alpha = 1.0
     for m in range(entries.shape[0]):
-        cell, o, first, last = entries[m]
-        core = cores[o]
-        e, number = cells[cell]
+        cell, o, first, last = entries[m, 0], entries[m, 1], entries[m, 2], entries[m, 3]
+        core, e, number = cores[o], cells[cell, 0], cells[cell, 1]
         element_polynomial(conn[e], coefficients, r, Q[o], c[o], C)
         element_polynomial(conn[e], coefficients, moved, Q1[o], c1[o], D)
         for k in range(4):
@@ -120,18 +130,18 @@ def largest_step(entries, line, r, moved, obstacles, Q1, c1, mesh, part, spare):
                         continue
                     out[17] = -1.0
                     triangles(mesh[0], mesh[1], j, j + 1, y, out)
-                    alpha = min(alpha, room(out[0], core, out[1], out[2], out[3], d, part, spare))
+                    alpha = min(alpha, free_part(out[0], core, out[1], out[2], out[3], d, part, spare))
             elif kinds[o] == TORUS:
                 alpha = min(alpha, stretches(kinds[o], sizes[o], y, d, core, part, out))
             else:
                 closed_form(kinds[o], sizes[o], y, out)
-                alpha = min(alpha, room(out[0], core, out[1], out[2], out[3], d, part, spare))
+                alpha = min(alpha, free_part(out[0], core, out[1], out[2], out[3], d, part, spare))
     return alpha
 
 
-@inner
+@lean
 def stretches(kind, size, y, d, core, part, out):
-    """As `room` for a torus: stretches short against its hole, each with a bound of second order on its distance."""
+    """As `free_part` for a torus: stretches short against its hole, each with a bound of second order on its distance."""
     length = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
     if length == 0.0:
         return 1.0

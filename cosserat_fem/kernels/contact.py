@@ -16,13 +16,13 @@ from math import log, sqrt
 
 import numpy as np
 
-from . import inner, kernel
+from . import fused, kernel, lean
 from .rotation import log_quaternion
 
 ABOUT_TO_SLIP = 0.999
 
 
-@inner
+@lean
 def barrier(g, G, P):
     """Pressure p [N/m], -dp/dg [N/m^2] and potential [N] of the barrier at a gap g > 0."""
     if g >= G:
@@ -34,7 +34,7 @@ def barrier(g, G, P):
     return p, k, -P * G * m * m * l
 
 
-@inner
+@lean
 def layer(depth, stiffness, start):
     """Pressure, its slope and potential of a compliant layer indented by depth; quadratic up to `start`, then linear."""
     if depth <= 0.0:
@@ -53,20 +53,16 @@ def layer(depth, stiffness, start):
     )
 
 
-@inner
-def slide(u, mu, elastic, m, M):
-    """Friction per pressure m (3,) of an elastic slip u (3,), opposed by it, and its change M (3, 3) with u.
+@lean
+def slide(u0, u1, u2, mu, elastic):
+    """Friction per pressure, f u, of an elastic slip u, opposed by it; it changes by f du - g u (u . du).
 
-    What is about to slip counts as slipping in M: a step begins where the last one left it, at its limit.
+    What is about to slip counts as slipping in g: a step begins where the last one left it, at its limit. Returns f, g.
     """
-    size = sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
-    slipping = size > ABOUT_TO_SLIP * elastic
+    square = u0 * u0 + u1 * u1 + u2 * u2
+    size = sqrt(square)
     f = mu / max(size, elastic)
-    for i in range(3):
-        m[i] = f * u[i]
-        for j in range(3):
-            M[i, j] = -f * u[i] * u[j] / (size * size) if slipping else 0.0
-        M[i, i] += f
+    return f, f / square if size > ABOUT_TO_SLIP * elastic else 0.0
 
 
 @kernel
@@ -85,16 +81,25 @@ def press(rows, runs, nodes, coefficients, law, friction, rubbing, exact, force,
     of an element in space, for a >= b, and put into the axes of the nodes once.
     """
     A = nodes.shape[1]
-    N, m, n, u, z, turn = np.empty(A), np.zeros(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    M, X, nm = np.zeros((3, 3)), np.empty((3, 3)), np.zeros(3)
-    of_pairs, of_nodes, point = np.zeros((A * (A + 1) // 2, 36)), np.zeros((A, 6)), np.zeros(36)
+    sums = np.zeros((A, 6)), np.zeros((A * (A + 1) // 2, 36))
+    return add_points(
+        rows, runs, nodes, coefficients, law, friction, rubbing, exact, force, stiffness, found, sums, np.empty((2, 36))
+    )
+
+
+@lean
+def add_points(rows, runs, nodes, coefficients, law, friction, rubbing, exact, force, stiffness, found, sums, room):
+    """What `press` does, with room for sums over the points of an element, for shape functions and a point."""
+    A = nodes.shape[1]
+    of_nodes, of_pairs = sums
+    N, point = room[0, :A], room[1]
     core, G, P, soft, depth = law
     mu, elastic, lever = friction
     kept, away, theta, T, R = rubbing
     rubs, tangent, stiffest = mu > 0.0, stiffness.shape[0] > 0, 0.0
     for s in range(nodes.shape[0]):
         for k in range(runs[s], runs[s + 1]):
-            w = rows[k, 1]
+            w, n0, n1, n2 = rows[k, 1], rows[k, 3], rows[k, 4], rows[k, 5]
             p, stiff, psi = barrier(rows[k, 2] - core, G, P)
             if soft > 0.0:
                 p1, k1, psi1 = layer(core + G + depth - rows[k, 2], soft, G)
@@ -107,96 +112,120 @@ def press(rows, runs, nodes, coefficients, law, friction, rubbing, exact, force,
                 for j in range(A - 1, -1, -1):
                     value = value * t + coefficients[j, a]
                 N[a] = value
-            for i in range(3):
-                n[i] = rows[k, 3 + i]
-            if rubs:
-                for i in range(3):
-                    z[i], turn[i] = kept[k, i], 0.0
+            bend = p if exact else 0.0
+            if not rubs:
                 for a in range(A):
-                    node = nodes[s, a]
-                    for i in range(3):
-                        z[i] += N[a] * away[node, i]
-                        turn[i] += N[a] * theta[node, i]
-                nz = n[0] * z[0] + n[1] * z[1] + n[2] * z[2]
-                u[0] = z[0] - n[0] * nz - lever * (turn[1] * n[2] - turn[2] * n[1])
-                u[1] = z[1] - n[1] * nz - lever * (turn[2] * n[0] - turn[0] * n[2])
-                u[2] = z[2] - n[2] * nz - lever * (turn[0] * n[1] - turn[1] * n[0])
-                slide(u, mu, elastic, m, M)
-                nm[0] = n[1] * m[2] - n[2] * m[1]
-                nm[1] = n[2] * m[0] - n[0] * m[2]
-                nm[2] = n[0] * m[1] - n[1] * m[0]
-                for i in range(3):
-                    found[k, 1 + i], found[k, 4 + i] = m[i], u[i]
+                    f = -w * p * N[a]
+                    of_nodes[a, 0] += f * n0
+                    of_nodes[a, 1] += f * n1
+                    of_nodes[a, 2] += f * n2
+                if tangent:
+                    add_pressed(rows, k, w, stiff, bend, N, of_pairs)
+                continue
+            z0, z1, z2, t0, t1, t2 = kept[k, 0], kept[k, 1], kept[k, 2], 0.0, 0.0, 0.0
             for a in range(A):
-                f = w * p * N[a]
-                for i in range(3):
-                    of_nodes[a, i] += f * (m[i] - n[i])
-                    of_nodes[a, 3 + i] -= lever * f * nm[i]
+                node, f = nodes[s, a], N[a]
+                z0, z1, z2 = z0 + f * away[node, 0], z1 + f * away[node, 1], z2 + f * away[node, 2]
+                t0, t1, t2 = t0 + f * theta[node, 0], t1 + f * theta[node, 1], t2 + f * theta[node, 2]
+            nz = n0 * z0 + n1 * z1 + n2 * z2
+            u0 = z0 - n0 * nz - lever * (t1 * n2 - t2 * n1)
+            u1 = z1 - n1 * nz - lever * (t2 * n0 - t0 * n2)
+            u2 = z2 - n2 * nz - lever * (t0 * n1 - t1 * n0)
+            f, g = slide(u0, u1, u2, mu, elastic)
+            m0, m1, m2 = f * u0, f * u1, f * u2
+            found[k, 1], found[k, 2], found[k, 3] = m0, m1, m2
+            found[k, 4], found[k, 5], found[k, 6] = u0, u1, u2
+            c0, c1, c2 = n1 * m2 - n2 * m1, n2 * m0 - n0 * m2, n0 * m1 - n1 * m0
+            for a in range(A):
+                part = w * p * N[a]
+                turning = -lever * part
+                of_nodes[a, 0] += part * (m0 - n0)
+                of_nodes[a, 1] += part * (m1 - n1)
+                of_nodes[a, 2] += part * (m2 - n2)
+                of_nodes[a, 3] += turning * c0
+                of_nodes[a, 4] += turning * c1
+                of_nodes[a, 5] += turning * c2
             if not tangent:
                 continue
-            bend, pair = p if exact else 0.0, 0
-            if not rubs:
-                for i in range(3):
-                    for j in range(3):
-                        point[3 * i + j] = w * (stiff * n[i] * n[j] - bend * rows[k, 6 + 3 * i + j])
-                for a in range(A):
-                    for b in range(a + 1):
-                        f = N[a] * N[b]
-                        for j in range(9):
-                            of_pairs[pair, j] += f * point[j]
-                        pair += 1
-                continue
-            rubbed_point(rows, k, p, stiff, bend, lever, n, m, M, z, nz, turn, X, point)
+            rubbed_point(rows, k, p, stiff, bend, lever, (u0, u1, u2), f, g, (z0, z1, z2), (t0, t1, t2), point)
+            pair = 0
             for a in range(A):
                 for b in range(a + 1):
-                    f = w * N[a] * N[b]
+                    part = w * N[a] * N[b]
                     for j in range(36):
-                        of_pairs[pair, j] += f * point[j]
+                        of_pairs[pair, j] += part * point[j]
                     pair += 1
         if rubs:
-            settle_rubbed(s, nodes, T, R, of_nodes, of_pairs, tangent, X, force, stiffness)
+            settle_rubbed(s, nodes, T, R, of_nodes, of_pairs, tangent, force, stiffness)
         else:
             settle(s, of_nodes, of_pairs, tangent, force, stiffness)
     return stiffest
 
 
-@inner
-def rubbed_point(rows, k, p, stiff, bend, lever, n, m, M, z, nz, turn, X, point):
-    """Change of force and moment on the rod at a point, seen in space (6, 6), with its place and rotation vector."""
-    # change of the slip: X dx + lever n x dtheta
-    for j in range(3):
-        H0, H1, H2 = rows[k, 6 + j], rows[k, 9 + j], rows[k, 12 + j]
-        Hz = H0 * z[0] + H1 * z[1] + H2 * z[2]
-        X[0, j] = -n[0] * n[j] - nz * H0 - n[0] * Hz - lever * (turn[1] * H2 - turn[2] * H1)
-        X[1, j] = -n[1] * n[j] - nz * H1 - n[1] * Hz - lever * (turn[2] * H0 - turn[0] * H2)
-        X[2, j] = -n[2] * n[j] - nz * H2 - n[2] * Hz - lever * (turn[0] * H1 - turn[1] * H0)
-        X[j, j] += 1.0
-    for j in range(3):
-        H0, H1, H2 = rows[k, 6 + j], rows[k, 9 + j], rows[k, 12 + j]
-        along = stiff * n[j]
-        v0 = p * (M[0, 0] * X[0, j] + M[0, 1] * X[1, j] + M[0, 2] * X[2, j]) - m[0] * along
-        v1 = p * (M[1, 0] * X[0, j] + M[1, 1] * X[1, j] + M[1, 2] * X[2, j]) - m[1] * along
-        v2 = p * (M[2, 0] * X[0, j] + M[2, 1] * X[1, j] + M[2, 2] * X[2, j]) - m[2] * along
-        point[j] = v0 + n[0] * along - bend * H0
-        point[6 + j] = v1 + n[1] * along - bend * H1
-        point[12 + j] = v2 + n[2] * along - bend * H2
-        # moment -lever n x (p m)
-        point[18 + j] = -lever * (n[1] * v2 - n[2] * v1 + p * (H1 * m[2] - H2 * m[1]))
-        point[24 + j] = -lever * (n[2] * v0 - n[0] * v2 + p * (H2 * m[0] - H0 * m[2]))
-        point[30 + j] = -lever * (n[0] * v1 - n[1] * v0 + p * (H0 * m[1] - H1 * m[0]))
-    f = lever * p
-    for i in range(3):
-        point[6 * i + 3] = f * (M[i, 1] * n[2] - M[i, 2] * n[1])
-        point[6 * i + 4] = f * (M[i, 2] * n[0] - M[i, 0] * n[2])
-        point[6 * i + 5] = f * (M[i, 0] * n[1] - M[i, 1] * n[0])
-    for j in range(3, 6):
-        v0, v1, v2 = point[j], point[6 + j], point[12 + j]
-        point[18 + j] = -lever * (n[1] * v2 - n[2] * v1)
-        point[24 + j] = -lever * (n[2] * v0 - n[0] * v2)
-        point[30 + j] = -lever * (n[0] * v1 - n[1] * v0)
+@fused
+def add_pressed(rows, k, w, stiff, bend, N, of_pairs):
+    """Stiffness of a point without friction, k n n - p H, for all pairs of nodes."""
+    n0, n1, n2 = rows[k, 3], rows[k, 4], rows[k, 5]
+    along, across = w * stiff, w * bend
+    k00, k01 = along * n0 * n0 - across * rows[k, 6], along * n0 * n1 - across * rows[k, 7]
+    k02, k11 = along * n0 * n2 - across * rows[k, 8], along * n1 * n1 - across * rows[k, 10]
+    k12, k22 = along * n1 * n2 - across * rows[k, 11], along * n2 * n2 - across * rows[k, 14]
+    pair = 0
+    for a in range(N.shape[0]):
+        for b in range(a + 1):
+            f = N[a] * N[b]
+            of_pairs[pair, 0] += f * k00
+            of_pairs[pair, 1] += f * k01
+            of_pairs[pair, 2] += f * k02
+            of_pairs[pair, 3] += f * k11
+            of_pairs[pair, 4] += f * k12
+            of_pairs[pair, 5] += f * k22
+            pair += 1
 
 
-@inner
+@fused
+def rubbed_point(rows, k, p, stiff, bend, lever, u, f, g, z, turn, point):
+    """Change of force and moment on the rod at a point, seen in space (6, 6), with its place and rotation vector.
+
+    Friction f u changes by f du - g u (u . du); u is normal to n. The slip changes by X dx + lever n x dtheta.
+    """
+    n0, n1, n2 = rows[k, 3], rows[k, 4], rows[k, 5]
+    u0, u1, u2 = u
+    z0, z1, z2 = z
+    t0, t1, t2 = turn
+    nz = n0 * z0 + n1 * z1 + n2 * z2
+    c0, c1, c2 = u1 * n2 - u2 * n1, u2 * n0 - u0 * n2, u0 * n1 - u1 * n0
+    fp, gp, sf = f * p, g * p, stiff * f
+    lf, lg, arm = lever * fp, lever * gp, lever * lever
+    for j in range(3):
+        nj = n0 if j == 0 else n1 if j == 1 else n2
+        H0, H1, H2 = rows[k, 6 + j], rows[k, 9 + j], rows[k, 12 + j]
+        Hz = nj + H0 * z0 + H1 * z1 + H2 * z2
+        x0 = (1.0 if j == 0 else 0.0) - nz * H0 - n0 * Hz - lever * (t1 * H2 - t2 * H1)
+        x1 = (1.0 if j == 1 else 0.0) - nz * H1 - n1 * Hz - lever * (t2 * H0 - t0 * H2)
+        x2 = (1.0 if j == 2 else 0.0) - nz * H2 - n2 * Hz - lever * (t0 * H1 - t1 * H0)
+        along = gp * (u0 * x0 + u1 * x1 + u2 * x2) + sf * nj
+        v0, v1, v2 = fp * x0 - u0 * along, fp * x1 - u1 * along, fp * x2 - u2 * along
+        normal = stiff * nj
+        point[j] = v0 + n0 * normal - bend * H0
+        point[6 + j] = v1 + n1 * normal - bend * H1
+        point[12 + j] = v2 + n2 * normal - bend * H2
+        # moment -lever n x (p f u)
+        point[18 + j] = -lever * (n1 * v2 - n2 * v1) - lf * (H1 * u2 - H2 * u1)
+        point[24 + j] = -lever * (n2 * v0 - n0 * v2) - lf * (H2 * u0 - H0 * u2)
+        point[30 + j] = -lever * (n0 * v1 - n1 * v0) - lf * (H0 * u1 - H1 * u0)
+    # lever p (f n x - g u (u x n)), and lever^2 p (f (I - n n) - g (u x n) (u x n)) of the moment
+    point[3], point[4], point[5] = -lg * u0 * c0, -lf * n2 - lg * u0 * c1, lf * n1 - lg * u0 * c2
+    point[9], point[10], point[11] = lf * n2 - lg * u1 * c0, -lg * u1 * c1, -lf * n0 - lg * u1 * c2
+    point[15], point[16], point[17] = -lf * n1 - lg * u2 * c0, lf * n0 - lg * u2 * c1, -lg * u2 * c2
+    fa, ga = arm * fp, arm * gp
+    w01, w02, w12 = -fa * n0 * n1 - ga * c0 * c1, -fa * n0 * n2 - ga * c0 * c2, -fa * n1 * n2 - ga * c1 * c2
+    point[21], point[22], point[23] = fa * (1.0 - n0 * n0) - ga * c0 * c0, w01, w02
+    point[27], point[28], point[29] = w01, fa * (1.0 - n1 * n1) - ga * c1 * c1, w12
+    point[33], point[34], point[35] = w02, w12, fa * (1.0 - n2 * n2) - ga * c2 * c2
+
+
+@lean
 def settle(s, of_nodes, of_pairs, tangent, force, stiffness):
     """Write the sums over the points of an element without friction, and clear them."""
     A, pair = of_nodes.shape[0], 0
@@ -207,17 +236,20 @@ def settle(s, of_nodes, of_pairs, tangent, force, stiffness):
         if not tangent:
             continue
         for b in range(a + 1):
-            for i in range(3):
-                for j in range(3):
-                    value = of_pairs[pair, 3 * i + j]
-                    stiffness[s, 6 * a + i, 6 * b + j] = value
-                    stiffness[s, 6 * b + i, 6 * a + j] = value
-                    of_pairs[pair, 3 * i + j] = 0.0
+            k00, k01, k02 = of_pairs[pair, 0], of_pairs[pair, 1], of_pairs[pair, 2]
+            k11, k12, k22 = of_pairs[pair, 3], of_pairs[pair, 4], of_pairs[pair, 5]
+            for turn in range(2):
+                i, j = (6 * a, 6 * b) if turn == 0 else (6 * b, 6 * a)
+                stiffness[s, i, j], stiffness[s, i, j + 1], stiffness[s, i, j + 2] = k00, k01, k02
+                stiffness[s, i + 1, j], stiffness[s, i + 1, j + 1], stiffness[s, i + 1, j + 2] = k01, k11, k12
+                stiffness[s, i + 2, j], stiffness[s, i + 2, j + 1], stiffness[s, i + 2, j + 2] = k02, k12, k22
+            for i in range(6):
+                of_pairs[pair, i] = 0.0
             pair += 1
 
 
-@inner
-def settle_rubbed(s, nodes, T, R, of_nodes, of_pairs, tangent, D, force, stiffness):
+@lean
+def settle_rubbed(s, nodes, T, R, of_nodes, of_pairs, tangent, force, stiffness):
     """As `settle`, with moments put into the axes of the nodes and rotations taken from there."""
     A, pair = of_nodes.shape[0], 0
     for a in range(A):
@@ -231,9 +263,9 @@ def settle_rubbed(s, nodes, T, R, of_nodes, of_pairs, tangent, D, force, stiffne
         if not tangent:
             continue
         for b in range(a + 1):
-            turned_block(s, a, b, node, nodes[s, b], of_pairs, pair, T, R, D, stiffness)
+            turned_block(s, 6 * a, 6 * b, node, nodes[s, b], of_pairs, pair, T, R, stiffness)
             if a != b:
-                turned_block(s, b, a, nodes[s, b], node, of_pairs, pair, T, R, D, stiffness)
+                turned_block(s, 6 * b, 6 * a, nodes[s, b], node, of_pairs, pair, T, R, stiffness)
             for i in range(36):
                 of_pairs[pair, i] = 0.0
             pair += 1
@@ -248,27 +280,32 @@ def settle_rubbed(s, nodes, T, R, of_nodes, of_pairs, tangent, D, force, stiffne
         stiffness[s, o + 2, o + 1] += v0
 
 
-@inner
-def turned_block(s, a, b, mine, node, of_pairs, pair, T, R, D, stiffness):
-    """Block of the nodes a, b: rotations come in by T of b, moments go out by R^T of a."""
-    for j in range(3):
-        t0, t1, t2 = T[node, 0, j], T[node, 1, j], T[node, 2, j]
-        for i in range(3):
-            o = 6 * i
-            stiffness[s, 6 * a + i, 6 * b + j] = of_pairs[pair, o + j]
-            D[i, j] = (
-                of_pairs[pair, 18 + o + 3] * t0 + of_pairs[pair, 18 + o + 4] * t1 + of_pairs[pair, 18 + o + 5] * t2
-            )
-            stiffness[s, 6 * a + i, 6 * b + 3 + j] = (
-                of_pairs[pair, o + 3] * t0 + of_pairs[pair, o + 4] * t1 + of_pairs[pair, o + 5] * t2
-            )
+@fused
+def turned_block(s, row, column, mine, node, of_pairs, pair, T, R, K):
+    """Block of two nodes: rotations come in by T of the second, moments go out by R^T of the first."""
+    t00, t01, t02 = T[node, 0, 0], T[node, 0, 1], T[node, 0, 2]
+    t10, t11, t12 = T[node, 1, 0], T[node, 1, 1], T[node, 1, 2]
+    t20, t21, t22 = T[node, 2, 0], T[node, 2, 1], T[node, 2, 2]
+    for i in range(3):
+        o = 6 * i
+        l0, l1, l2 = of_pairs[pair, o + 3], of_pairs[pair, o + 4], of_pairs[pair, o + 5]
+        f0, f1, f2 = of_pairs[pair, o], of_pairs[pair, o + 1], of_pairs[pair, o + 2]
+        K[s, row + i, column], K[s, row + i, column + 1], K[s, row + i, column + 2] = f0, f1, f2
+        K[s, row + i, column + 3] = l0 * t00 + l1 * t10 + l2 * t20
+        K[s, row + i, column + 4] = l0 * t01 + l1 * t11 + l2 * t21
+        K[s, row + i, column + 5] = l0 * t02 + l1 * t12 + l2 * t22
     for i in range(3):
         r0, r1, r2 = R[mine, 0, i], R[mine, 1, i], R[mine, 2, i]
         for j in range(3):
-            stiffness[s, 6 * a + 3 + i, 6 * b + j] = (
+            K[s, row + 3 + i, column + j] = (
                 r0 * of_pairs[pair, 18 + j] + r1 * of_pairs[pair, 24 + j] + r2 * of_pairs[pair, 30 + j]
             )
-            stiffness[s, 6 * a + 3 + i, 6 * b + 3 + j] = r0 * D[0, j] + r1 * D[1, j] + r2 * D[2, j]
+        w0 = r0 * of_pairs[pair, 21] + r1 * of_pairs[pair, 27] + r2 * of_pairs[pair, 33]
+        w1 = r0 * of_pairs[pair, 22] + r1 * of_pairs[pair, 28] + r2 * of_pairs[pair, 34]
+        w2 = r0 * of_pairs[pair, 23] + r1 * of_pairs[pair, 29] + r2 * of_pairs[pair, 35]
+        K[s, row + 3 + i, column + 3] = w0 * t00 + w1 * t10 + w2 * t20
+        K[s, row + 3 + i, column + 4] = w0 * t01 + w1 * t11 + w2 * t21
+        K[s, row + 3 + i, column + 5] = w0 * t02 + w1 * t12 + w2 * t22
 
 
 @kernel
@@ -305,7 +342,7 @@ def turned(q, q0, theta, T):
             T[k, 2, j] = v2 - 0.5 * c2 + f * e2
 
 
-@inner
+@lean
 def rotation_matrix(a0, a1, a2, a3, R):
     R[0, 0] = 1.0 - 2.0 * (a2 * a2 + a3 * a3)
     R[0, 1] = 2.0 * (a1 * a2 - a0 * a3)

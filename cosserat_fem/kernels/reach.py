@@ -15,7 +15,7 @@ from math import sqrt
 
 import numpy as np
 
-from . import inner, kernel, merged
+from . import fused, kernel, lean
 from .shapes import MESH, beyond, closed_form, over_facet, triangles
 from .strand import element_polynomial, nearest_on_strand, place_at
 
@@ -26,6 +26,7 @@ MOST_PIECES = 32  # of a cell over small facets
 # pieces of a cell that may touch, so that each has one smallest gap; longest arc of a cell over its chord
 ON_STRAND, ON_SHAPE, BENT = 4, 2, 1.1
 FLAT = 1e-10  # of the range of the law: a change of the gap that does not count
+SLOW = 2  # steps in turn that do not halve the stretch on which the smallest gap is
 # Gauss rules on 0 .. 1: three points where a whole cell touches, two on its pieces, four on a stretch that begins or ends
 X_1, W_1 = np.array([0.0]), np.array([1.0])
 X_2, W_2 = np.array([0.21132486540518713, 0.7886751345948129]), np.array([0.5, 0.5])
@@ -39,7 +40,7 @@ X_4, W_4 = (
 )
 
 
-@merged
+@fused
 def look(C, xi, on, facets, rods, at):
     """Distance and its derivatives at xi; out[13]: the derivative along the rod."""
     kind, size, index, first, last = on
@@ -57,7 +58,7 @@ def look(C, xi, on, facets, rods, at):
     out[13] = out[1] * slope[0] + out[2] * slope[1] + out[3] * slope[2]
 
 
-@merged
+@fused
 def root(C, inside, outside, level, on, facets, rods, at):
     """Where the distance equals `level`, between a place where it is below and one where it is not."""
     a, b, out = inside, outside, at[2]
@@ -79,28 +80,31 @@ def root(C, inside, outside, level, on, facets, rods, at):
     return xi
 
 
-@merged
+@fused
 def lowest(C, a, b, fa, fb, flat, on, facets, rods, at):
-    """Place of the smallest distance, but for `flat`, between a and b, where the derivative fa < 0 < fb (Illinois rule)."""
-    xi, out = a, at[2]
+    """Place of the smallest distance, but for `flat`, between a and b, where the derivative fa < 0 < fb.
+
+    Goes where the last two derivatives say, if that is between a and b, or else half way: over an edge it is nearly a step.
+    """
+    x0, f0, x1, f1, out, slow = a, fa, b, fb, at[2], 0
     for _ in range(60):
-        xi = a - fa * (b - a) / (fb - fa)
-        if not a < xi < b:
+        width = b - a
+        xi = x1 - f1 * (x1 - x0) / (f1 - f0)
+        if not a < xi < b or slow > SLOW:
             xi = 0.5 * (a + b)
         look(C, xi, on, facets, rods, at)
-        f = out[13]
-        if abs(f) * (b - a) < flat:
+        x0, f0, x1, f1 = x1, f1, xi, out[13]
+        if abs(f1) * width < flat:
             break
-        if f < 0.0:
-            a, fa = xi, f
-            fb *= 0.5
+        if f1 < 0.0:
+            a = xi
         else:
-            b, fb = xi, f
-            fa *= 0.5
-    return xi
+            b = xi
+        slow = slow + 1 if b - a > 0.5 * width else 0
+    return x1
 
 
-@merged
+@fused
 def add_stretch(C, a, b, h, X, W, Q, on, facets, rods, at, count, entry, rows, owners):
     """Gauss points of the stretch a .. b as rows, turned by Q; returns the new count, which may exceed the room."""
     if b - a <= 0.0:
@@ -129,7 +133,7 @@ def add_stretch(C, a, b, h, X, W, Q, on, facets, rods, at, count, entry, rows, o
     return count
 
 
-@inner
+@lean
 def pieces_over(facets, index, n, length):
     """Into how many pieces a cell is cut so that each lies over one facet: along every one the rod may come near."""
     total = 0.0
@@ -139,7 +143,7 @@ def pieces_over(facets, index, n, length):
     return int(min(max(np.ceil(2.0 * length / max(width, 1e-300)), 1.0), MOST_PIECES))
 
 
-@inner
+@lean
 def shorten(balls, index, first, last, y, far, short):
     """Write to `short` the triangles index[first:last] whose balls are nearer to y than `far`; how many."""
     n = 0
@@ -150,7 +154,7 @@ def shorten(balls, index, first, last, y, far, short):
     return n
 
 
-@inner
+@lean
 def along_piece(facets, index, count, y, far, short):
     """Write to `short` the triangles index[:count] that may be nearer to y than `far`; how many."""
     n = 0
@@ -174,16 +178,23 @@ def find(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners):
     as there is room.
     Returns (points wanted, smallest distance - core, its entry, its xi).
     """
-    cells, counts, conn, coefficients = line
-    kinds, sizes, Q, c, levels, cores = obstacles
-    A = conn.shape[1]
-    C, y, slope, out = np.empty((A, 3)), np.empty(3), np.empty(3), np.empty(OUT)
-    at = (y, slope, out)
-    count, nearest, where, place = 0, np.inf, -1, 0.0
+    C = np.empty((line[2].shape[1], 3))
     longest = 0
     for m in range(entries.shape[0]):
         longest = max(longest, entries[m, 3] - entries[m, 2])
-    of_cell, of_piece, n_cell = np.empty(longest, dtype=np.int64), np.empty(longest, dtype=np.int64), 0
+    lists = np.empty(longest, dtype=np.int64), np.empty(longest, dtype=np.int64)
+    at = np.empty(3), np.empty(3), np.empty(OUT)
+    return go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, lists, at)
+
+
+@lean
+def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, lists, at):
+    """What `find` does, with room for the polynomial of an element, lists of triangles, and a place with its distance."""
+    cells, counts, conn, coefficients = line
+    kinds, sizes, Q, c, levels, cores = obstacles
+    of_cell, of_piece = lists
+    y, slope, out = at
+    count, nearest, where, place, n_cell = 0, np.inf, -1, 0.0, 0
     few, facets = of_cell, None
     if mesh is not None:
         facets, index, balls = mesh

@@ -13,18 +13,18 @@ from math import sqrt
 
 import numpy as np
 
-from . import inner, merged
+from . import fused, lean
 
 PLANE, SPHERE, CYLINDER, CAPSULE, BOX, TORUS, MESH, STRAND = range(8)
 FLAT = 1e-12  # in parts of its width: a point beside a triangle by less than this is over it
 
 
-@inner
+@lean
 def set_gradient(d, n0, n1, n2, out):
     out[0], out[1], out[2], out[3] = d, n0, n1, n2
 
 
-@inner
+@lean
 def set_hessian(f, out):
     """f (I - n n)."""
     for i in range(3):
@@ -33,13 +33,13 @@ def set_hessian(f, out):
         out[4 + 4 * i] += f
 
 
-@inner
+@lean
 def clear_hessian(out):
     for i in range(4, 13):
         out[i] = 0.0
 
 
-@inner
+@lean
 def subtract_axis(f, e0, e1, e2, out):
     """Hessian -= f e e."""
     out[4] -= f * e0 * e0
@@ -53,7 +53,7 @@ def subtract_axis(f, e0, e1, e2, out):
     out[12] -= f * e2 * e2
 
 
-@inner
+@lean
 def from_point(v0, v1, v2, radius, out):
     """Ball of a radius about the foot of v."""
     d = sqrt(v0 * v0 + v1 * v1 + v2 * v2)
@@ -62,7 +62,7 @@ def from_point(v0, v1, v2, radius, out):
     set_hessian(i, out)
 
 
-@inner
+@lean
 def round_about_axis(y0, y1, rho, radial, axial, distance, turn, out):
     """Shape of revolution about z: gradient (radial, axial) in the half plane of the point, curvature `turn` in it."""
     i = 1.0 / max(rho, 1e-300)
@@ -73,7 +73,7 @@ def round_about_axis(y0, y1, rho, radial, axial, distance, turn, out):
     subtract_axis(-radial * i, -s, c, 0.0, out)
 
 
-@inner
+@lean
 def cylinder(y0, y1, y2, radius, half, out):
     rho = sqrt(y0 * y0 + y1 * y1)
     side, top = rho - radius, abs(y2) - half
@@ -88,7 +88,7 @@ def cylinder(y0, y1, y2, radius, half, out):
         clear_hessian(out)
 
 
-@inner
+@lean
 def torus(y0, y1, y2, radius, tube, out):
     rho = sqrt(y0 * y0 + y1 * y1)
     across = rho - radius
@@ -96,7 +96,7 @@ def torus(y0, y1, y2, radius, tube, out):
     round_about_axis(y0, y1, rho, across / d, y2 / d, d - tube, 1.0 / d, out)
 
 
-@inner
+@lean
 def box(y, size, out):
     square, most, axis = 0.0, -np.inf, 0
     for i in range(3):
@@ -122,7 +122,7 @@ def box(y, size, out):
             out[4 + 4 * i] += 1.0 / d
 
 
-@inner
+@lean
 def closed_form(kind, size, y, out):
     """Distance to a shape given by a formula, in its own frame."""
     y0, y1, y2 = y[0], y[1], y[2]
@@ -169,7 +169,7 @@ def facets(points, triangles):
     return rows, np.concatenate([middle, radius[:, None]], axis=1)
 
 
-@merged
+@fused
 def to_facet(y, rows, m, most, v):
     """Vector v (3,) from the nearest point of a facet to y; returns (distance squared, feature).
 
@@ -215,7 +215,7 @@ def to_facet(y, rows, m, most, v):
     return best, feature
 
 
-@inner
+@lean
 def over_facet(rows, m, y):
     """Lower bound on the square of the distance of y from a facet: exact over it and beside its edges."""
     p0, p1, p2 = y[0] - rows[m, 0], y[1] - rows[m, 1], y[2] - rows[m, 2]
@@ -227,7 +227,7 @@ def over_facet(rows, m, y):
     return height * height + beside * beside
 
 
-@inner
+@lean
 def beyond(balls, m, y, distance):
     """True if the ball about a triangle is farther from y than a distance."""
     reach = distance + balls[m, 3]
@@ -235,7 +235,7 @@ def beyond(balls, m, y, distance):
     return d0 * d0 + d1 * d1 + d2 * d2 > reach * reach
 
 
-@inner
+@lean
 def triangles(rows, index, first, last, y, out):
     """Distance to the nearest of the triangles index[first:last], of those in `rows` of `facets`.
 

@@ -50,7 +50,12 @@ def laws(gaps, G, P, soft, start, out):
 @njit
 def friction(slips, mu, elastic, m, M):
     for k in range(len(slips)):
-        kernels.slide(slips[k], mu, elastic, m[k], M[k])
+        u = slips[k]
+        f, g = kernels.slide(u[0], u[1], u[2], mu, elastic)
+        for i in range(3):
+            m[k, i] = f * u[i]
+            for j in range(3):
+                M[k, i, j] = (f if i == j else 0.0) - g * u[i] * u[j]
 
 
 def rows_of(evaluate, places):
