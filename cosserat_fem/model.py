@@ -408,10 +408,12 @@ class Model:
     def _of_elements(self, group: int, found: list[Blocks]) -> tuple[np.ndarray, np.ndarray]:
         """Which block (E,) each element of a group has, or -1, and the blocks, those of one element added up."""
         numbers = np.concatenate([blocks.elements[1] for blocks in found])  # type: ignore[index]
-        stiffness = np.concatenate([blocks.stiffness for blocks in found])
+        stiffness = np.concatenate([blocks.stiffness for blocks in found]) if len(found) > 1 else found[0].stiffness
         unique, which = np.unique(numbers, return_inverse=True)
-        summed = np.zeros((len(unique), *stiffness.shape[1:]))
-        np.add.at(summed, which, stiffness)
+        summed = stiffness
+        if len(found) > 1:
+            summed = np.zeros((len(unique), *stiffness.shape[1:]))
+            np.add.at(summed, which, stiffness)
         touched = np.full(self.space.groups[group].n_elements, -1, dtype=np.int64)
         touched[unique] = np.arange(len(unique))
         return touched, summed

@@ -196,6 +196,10 @@ class PartContact:
         """Smallest distance [m] that was looked at, minus the one that is never reached."""
         return self._near(space).find(state).gap
 
+    def touched(self, state: State, space: Space) -> float:
+        """Length [m] of rod that is pressed."""
+        return float(self._near(space).find(state).rows[:, 1].sum())
+
     def overlaps(self, state: State, space: Space) -> list[str]:
         """What is wrong with a state at the start: the rod inside the part."""
         near = self._near(space)

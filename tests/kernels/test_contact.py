@@ -328,6 +328,20 @@ def test_rods_balance(angle, friction):
     assert np.abs(total_load(model, state, g)).max() < 1e-12 * np.abs(g).max()
 
 
+def test_cells_that_stray(rng):
+    """True as soon as one ball about a cell has left its old place, or outgrown it, by more than it may."""
+    term, model = bent(cf.Plane((0, 0, -0.5), (0, 0, 1)))
+    state, cells, pose = model.initial_state(), term._near(model.space).cells, (np.eye(3), np.zeros(3))
+    middle, radius = cells.balls(state.r, *pose)
+    for size in (1e-6, 1e-3):
+        r = state.r + size * rng.normal(size=state.r.shape)
+        there, larger = cells.balls(r, *pose)
+        way = np.linalg.norm(there - middle, axis=1) + np.maximum(larger - radius, 0.0)
+        assert not cells.strayed(r, *pose, middle, radius, way * (1 + 1e-9))
+        k = int(rng.integers(len(way)))
+        assert cells.strayed(r, *pose, middle, radius, np.where(np.arange(len(way)) == k, way * (1 - 1e-9), way * 2))
+
+
 # stretches
 
 
