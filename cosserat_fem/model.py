@@ -408,10 +408,10 @@ class Model:
     def _of_elements(self, group: int, found: list[Blocks]) -> tuple[np.ndarray, np.ndarray]:
         """Which block (E,) each element of a group has, or -1, and the blocks, those of one element added up."""
         numbers = np.concatenate([blocks.elements[1] for blocks in found])  # type: ignore[index]
-        stiffness = np.concatenate([blocks.stiffness for blocks in found]) if len(found) > 1 else found[0].stiffness
+        stiffness = np.concatenate([blocks.stiffness for blocks in found])
         unique, which = np.unique(numbers, return_inverse=True)
         summed = stiffness
-        if len(found) > 1:
+        if not np.array_equal(unique, numbers):
             summed = np.zeros((len(unique), *stiffness.shape[1:]))
             np.add.at(summed, which, stiffness)
         touched = np.full(self.space.groups[group].n_elements, -1, dtype=np.int64)
