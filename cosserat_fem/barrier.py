@@ -23,6 +23,7 @@ SMALLEST = 1e-9  # part of an increment: less is no way forward
 NEARLY_SHUT, STIFFER = 0.05, 30.0  # part of its range to which a gap may shrink before its pressure scale grows so much
 SOFT, FIRM = 1e-5, 0.03  # where the largest pressure is below this part of the scale, the scale shrinks so much
 CAPACITY = 2.7  # energy of a barrier at a twentieth of its range, in parts of scale times range
+COMING_OFF, KEPT = (1.0, 0.5, 0.25), 0.5  # parts of an increment that may leave so much of what touches where it is
 NUDGE = 1e-3  # of the smallest gap or range: how far parts move to see how forces change
 
 
@@ -54,12 +55,28 @@ class Approach:
         space, least = self.model.space, SMALLEST * scale
         trial = self._after(state, du, scale)
         scale *= min(term.largest_step(state, trial, space) for term in self.terms)
+        if stiffen:
+            scale = self._kept_on(state, du, scale)
         while scale > least:
             trial = self._after(state, du, scale)
             if all(term.clear(state, trial, space) for term in self.terms):
                 return self._stiffened(trial) if stiffen else trial, scale
             scale *= 0.5
         return state, 0.0
+
+    def _kept_on(self, state: State, du: np.ndarray, scale: float) -> float:
+        """The part of an increment on which what touches does not come off, if a little shorter one is enough.
+
+        An increment along a round part is a tangent of it, and leaves it: nothing then holds the rod, and the next one goes
+        astray.
+        """
+        space = self.model.space
+        held = [(term, KEPT * term.touched(state, space)) for term in self.terms]
+        for part in COMING_OFF if any(length > 0.0 for _, length in held) else ():
+            trial = self._after(state, du, part * scale)
+            if all(term.touched(trial, space) >= length for term, length in held):
+                return part * scale
+        return scale
 
     def _stiffened(self, state: State) -> State:
         """The state with a larger pressure scale for terms whose gap is a small part of their range.

@@ -410,8 +410,10 @@ class Model:
         numbers = np.concatenate([blocks.elements[1] for blocks in found])  # type: ignore[index]
         stiffness = np.concatenate([blocks.stiffness for blocks in found])
         unique, which = np.unique(numbers, return_inverse=True)
-        summed = np.zeros((len(unique), *stiffness.shape[1:]))
-        np.add.at(summed, which, stiffness)
+        summed = stiffness
+        if not np.array_equal(unique, numbers):
+            summed = np.zeros((len(unique), *stiffness.shape[1:]))
+            np.add.at(summed, which, stiffness)
         touched = np.full(self.space.groups[group].n_elements, -1, dtype=np.int64)
         touched[unique] = np.arange(len(unique))
         return touched, summed

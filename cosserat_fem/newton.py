@@ -39,6 +39,7 @@ FARTHEST = 0.2  # rod lengths in one step with contact
 SHORT = 0.05  # part of a guarded step; one cut to less was a bad one, and the shift grows
 PATIENCE, SHORTER = 4, (1.0, 0.5, 0.25, 0.1, 0.03)  # iterations without progress; parts of a step then tried
 ITERATIONS, TOUCHING = 20, 60  # of a plain solve, without and with contact
+HOPELESS = 20  # iterations of a plain static solve with contact that do not halve the residual: others find the way
 SMALLEST_SHIFT = 1e-6
 
 
@@ -245,6 +246,8 @@ class Newton:
                     scale = min(scale, FARTHEST * model.scales["length"] / max(shift, 1e-300))
                     stalled = stalled + 1 if residual > 0.5 * best else 0
                     best = min(best, residual) if approach.arrived(state) else np.inf
+                    if stalled > HOPELESS and step is None and not guarded:
+                        return stop(f"no progress in {HOPELESS} iterations")
                     if stalled > PATIENCE:  # friction that sticks and slips in turn
                         scale *= self._downhill(state, du, scale, targets, offset, step, tolerance, residual)
                     moved, scale = approach.move(state, du, scale, stiffen=step is None)

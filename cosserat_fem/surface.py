@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from .errors import MeshError
+from .kernels.shapes import facets
 from .kernels.triangles import dot, lower_to_triangles, winding_number
 from .meshfile import LIMIT, too_large
 from .repair import Edges, count, flat_triangles, merged, oriented, patches, renumbered, sewn
@@ -135,6 +136,11 @@ class Surface:
         rank = np.empty_like(order)
         rank[order] = np.arange(len(order))
         return order, rank
+
+    @cached_property
+    def facets(self) -> tuple[np.ndarray, np.ndarray]:
+        """What distances to triangles are found from, see `kernels.shapes.facets`."""
+        return facets(self.points, self.triangles)
 
     def candidates(self, centers: np.ndarray, radius: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Triangles that come within `radius` [m], one or (n,), of centers (n, 3) [m].

@@ -73,6 +73,20 @@ def merged(function: Callable[..., Any]) -> Any:
     return _stamped(njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True, **OPTIONS)(function))
 
 
+def lean(function: Callable[..., Any]) -> Any:
+    """As `inner`, for functions that allocate nothing: it is not counted who holds an array.
+
+    numba counts, atomically, on every way out of a function that branches: ten times the cost of a short one.
+    """
+    return _stamped(njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False, **OPTIONS)(function))
+
+
+def fused(function: Callable[..., Any]) -> Any:
+    """As `lean`, and merged into its callers."""
+    bare: dict[str, Any] = {"forceinline": True, "_nrt": False, **OPTIONS}
+    return _stamped(njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **bare)(function))
+
+
 def _stamped(compiled: Any) -> Any:
     if OPTIONS["cache"]:
         compiled._cache._cache_file._source_stamp = STAMP  # held by tests/kernels/test_cache.py

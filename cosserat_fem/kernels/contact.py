@@ -1,9 +1,6 @@
-"""Contact of a rod with a rigid part: where it touches, the law between them, residual and tangent, how far it may move.
+"""Contact of a rod with a rigid part: the law between them, residual and tangent.
 
-Rule: a rod is its centreline x(xi), a polynomial in each element, and a radius. Elements are cut into cells about a radius
-long. Along a cell the stretches in which the gap is below the range of the law are found exactly (roots of gap - range,
-split at the smallest gap), and each gets a Gauss rule of its own: a crossing whose patch is a tenth of a radius is
-integrated as well as a whole rod on a plane, and nothing jumps while a patch moves over cells or elements.
+Rule: `reach` says at which points a rod is pressed; forces and stiffness are sums over these.
 
 Law, per unit length of the unstressed rod, gap g, range G, scale P [N/m], x = g / G:
     barrier   p = P (2 (x - 1) ln x + (x - 1)^2 / x)  for x < 1: minus the derivative of -P G (x - 1)^2 ln x, twice smooth at
@@ -19,33 +16,13 @@ from math import log, sqrt
 
 import numpy as np
 
-from . import inner, kernel, merged
+from . import fused, kernel, lean
 from .rotation import log_quaternion
-from .shapes import MESH, TORUS, beyond, closed_form, triangles
-from .strand import element_polynomial, nearest_on_strand, place_at
 
-# columns of a point: xi, weight, distance, n (3), H (9); of a point on another rod cell, xi, slope (3), second derivative
-# (3), and 1 if it is free to slide along
-COLUMNS, OUT = 24, 26
 ABOUT_TO_SLIP = 0.999
-MOST_PIECES = 32  # of a cell over small facets
-# pieces of a cell that may touch, so that each has one smallest gap; longest arc of a cell over its chord
-ON_STRAND, ON_SHAPE, BENT = 4, 2, 1.1
-FLAT = 1e-10  # of the range of the law: a change of the gap that does not count
-# Gauss rules on 0 .. 1: three points where a whole cell touches, two on its pieces, four on a stretch that begins or ends
-X_1, W_1 = np.array([0.0]), np.array([1.0])
-X_2, W_2 = np.array([0.21132486540518713, 0.7886751345948129]), np.array([0.5, 0.5])
-X_3, W_3 = (
-    np.array([0.1127016653792583, 0.5, 0.8872983346207417]),
-    np.array([0.27777777777777785, 0.4444444444444444, 0.27777777777777785]),
-)
-X_4, W_4 = (
-    np.array([0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970262]),
-    np.array([0.17392742256872679, 0.3260725774312732, 0.3260725774312732, 0.17392742256872679]),
-)
 
 
-@inner
+@lean
 def barrier(g, G, P):
     """Pressure p [N/m], -dp/dg [N/m^2] and potential [N] of the barrier at a gap g > 0."""
     if g >= G:
@@ -57,7 +34,7 @@ def barrier(g, G, P):
     return p, k, -P * G * m * m * l
 
 
-@inner
+@lean
 def layer(depth, stiffness, start):
     """Pressure, its slope and potential of a compliant layer indented by depth; quadratic up to `start`, then linear."""
     if depth <= 0.0:
@@ -76,344 +53,259 @@ def layer(depth, stiffness, start):
     )
 
 
-@merged
-def look(C, xi, kind, size, mesh, rods, first, last, y, slope, out):
-    """Distance and its derivatives at xi; out[13]: the derivative along the rod."""
-    place_at(C, xi, y, slope)
-    if rods is not None:
-        nearest_on_strand(y, rods, first, last, out)
-    elif mesh is not None:
-        if kind == MESH:
-            triangles(mesh, first, last, y, out)
-        else:
-            closed_form(kind, size, y, out)
-    else:
-        closed_form(kind, size, y, out)
-    out[13] = out[1] * slope[0] + out[2] * slope[1] + out[3] * slope[2]
+@lean
+def slide(u0, u1, u2, mu, elastic):
+    """Friction per pressure, f u, of an elastic slip u, opposed by it; it changes by f du - g u (u . du).
 
-
-@merged
-def root(C, inside, outside, level, kind, size, mesh, rods, first, last, y, slope, out):
-    """Where the distance equals `level`, between a place where it is below and one where it is not."""
-    a, b = inside, outside
-    xi = 0.5 * (a + b)
-    for _ in range(80):
-        look(C, xi, kind, size, mesh, rods, first, last, y, slope, out)
-        f = out[0] - level
-        if f < 0.0:
-            a = xi
-        else:
-            b = xi
-        step = f / out[13] if out[13] != 0.0 and f < np.inf else np.inf
-        new = xi - step
-        if not min(a, b) < new < max(a, b):
-            new = 0.5 * (a + b)
-        if abs(new - xi) < 1e-15 + 1e-13 * abs(inside - outside):
-            return new
-        xi = new
-    return xi
-
-
-@merged
-def lowest(C, a, b, fa, fb, flat, kind, size, mesh, rods, first, last, y, slope, out):
-    """Place of the smallest distance, but for `flat`, between a and b, where the derivative fa < 0 < fb (Illinois rule)."""
-    xi = a
-    for _ in range(60):
-        xi = a - fa * (b - a) / (fb - fa)
-        if not a < xi < b:
-            xi = 0.5 * (a + b)
-        look(C, xi, kind, size, mesh, rods, first, last, y, slope, out)
-        f = out[13]
-        if abs(f) * (b - a) < flat:
-            break
-        if f < 0.0:
-            a, fa = xi, f
-            fb *= 0.5
-        else:
-            b, fb = xi, f
-            fa *= 0.5
-    return xi
-
-
-@merged
-def add_stretch(C, a, b, h, X, W, Q, kind, size, mesh, rods, first, last, y, slope, out, count, entry, rows, owners):
-    """Gauss points of the stretch a .. b as rows; returns the new count, which may exceed the room."""
-    if b - a <= 0.0:
-        return count
-    for k in range(X.shape[0]):
-        if count < rows.shape[0]:
-            xi = a + (b - a) * X[k]
-            look(C, xi, kind, size, mesh, rods, first, last, y, slope, out)
-            row = rows[count]
-            row[0], row[1], row[2] = xi, W[k] * (b - a) * h, out[0]
-            for i in range(3):
-                row[3 + i] = Q[i, 0] * out[1] + Q[i, 1] * out[2] + Q[i, 2] * out[3]
-            if rods is not None:
-                for i in range(9):
-                    row[15 + i] = out[17 + i]
-            else:
-                for i in range(3):
-                    h0 = Q[i, 0] * out[4] + Q[i, 1] * out[7] + Q[i, 2] * out[10]
-                    h1 = Q[i, 0] * out[5] + Q[i, 1] * out[8] + Q[i, 2] * out[11]
-                    h2 = Q[i, 0] * out[6] + Q[i, 1] * out[9] + Q[i, 2] * out[12]
-                    for j in range(3):
-                        row[6 + 3 * i + j] = h0 * Q[j, 0] + h1 * Q[j, 1] + h2 * Q[j, 2]
-            owners[count] = entry
-        count += 1
-    return count
-
-
-@inner
-def pieces_over(mesh, first, last, length):
-    """Into how many pieces a cell is cut so that each lies over one facet: along every one the rod may come near."""
-    total = 0.0
-    for k in range(first, last):
-        total += mesh[5][mesh[2][k]]
-    width = total / max(last - first, 1)
-    return int(min(max(np.ceil(2.0 * length / max(width, 1e-300)), 1.0), MOST_PIECES))
-
-
-@inner
-def shorten(mesh, first, last, y, far, short):
-    """Write to `short` the triangles index[first:last] that may be nearer to y than `far`; how many."""
-    n = 0
-    for k in range(first, last):
-        if not beyond(mesh, k, y, far):
-            short[n] = mesh[2][k]
-            n += 1
-    return n
+    What is about to slip counts as slipping in g: a step begins where the last one left it, at its limit. Returns f, g.
+    """
+    square = u0 * u0 + u1 * u1 + u2 * u2
+    size = sqrt(square)
+    f = mu / max(size, elastic)
+    return f, f / square if size > ABOUT_TO_SLIP * elastic else 0.0
 
 
 @kernel
-def find(entries, cells, counts, tips, conn, coefficients, h, r, obstacles, mesh, rods, room, rows, owners):
-    """Gauss points of all stretches on which an obstacle presses.
+def press(rows, runs, nodes, coefficients, law, friction, rubbing, exact, force, stiffness, found):
+    """Residual force (S, A, 6) and, if not empty, stiffness (S, 6 A, 6 A) of contact at points, for touched elements.
 
-    entries (M, 4): cell, obstacle, and where its triangles or the cells of its strand begin and end; cells (n, 2):
-    element, number in it; counts (E,): cells in each element; tips (n, 2) [m]: length that counts at the very end of a
-    rod or at a kink, where a cell begins or ends with it, so that these are stopped like the rest. obstacles: kinds (O,),
-    sizes (O, 3), frames Q (O, 3, 3), c (O, 3), levels (O,): distances below which they press, cores (O,): distances that
-    are never reached. mesh: as `shapes.triangles` takes it; rods: as `strand.nearest_on_strand` takes them; None where there
-    is none, which is another compiled version. rows (K, COLUMNS), owners (K,): written, up to `room`.
-    Returns (points wanted, smallest distance - core, its entry, its xi).
+    rows: of `reach.find`; runs (S + 1,): where the points of each touched element begin; nodes (S, A); law (5,): core
+    radius (distance at which the barrier is infinite), range, scale, stiffness and depth of a compliant layer; friction
+    (3,): mu, elastic slip, lever (radius of the rod). rubbing: kept (K, 3), slip kept from before; away (N, 3), way of each
+    node relative to the part since then; theta, T, R: of `turned`, rotation matrices. Empty without friction. exact: keep
+    the part of the stiffness that pressure has by the curvature of the obstacle. found (K, 8): written, pressure, friction
+    per pressure (3), slip (3), potential.
+    Returns the largest weight times stiffness [N/m].
+
+    The stiffness at a point is the same for all pairs of nodes a, b but for a factor N_a N_b: it is summed over the points
+    of an element in space, for a >= b, and put into the axes of the nodes once.
     """
-    A = conn.shape[1]
-    kinds, sizes, Q, c, levels, cores = obstacles
-    C, y, slope, out = np.empty((A, 3)), np.empty(3), np.empty(3), np.empty(OUT)
-    count, nearest, where, place, n_cell = 0, np.inf, -1, 0.0, 0
-    longest = 0
-    for m in range(entries.shape[0]):
-        longest = max(longest, entries[m, 3] - entries[m, 2])
-    cell_list, piece_list = np.empty(longest, dtype=np.int64), np.empty(longest, dtype=np.int64)
-    for m in range(entries.shape[0]):
-        cell, o, first, last = entries[m]
-        e, number = cells[cell]
-        kind, size, level, few = kinds[o], sizes[o], levels[o], mesh
-        element_polynomial(conn[e], coefficients, r, Q[o], c[o], C)
-        out[17] = -1.0
-        begin, end = number / counts[e], (number + 1) / counts[e]
-        if mesh is not None and kind == MESH:
-            place_at(C, begin, y, slope)
-            y0, y1, y2 = y[0], y[1], y[2]
-            look(C, 0.5 * (begin + end), kind, size, mesh, rods, first, last, y, slope, out)
-            half = BENT * sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
-            if out[0] - half >= level and out[0] - half - cores[o] >= nearest:
+    A = nodes.shape[1]
+    sums = np.zeros((A, 6)), np.zeros((A * (A + 1) // 2, 36))
+    return add_points(
+        rows, runs, nodes, coefficients, law, friction, rubbing, exact, force, stiffness, found, sums, np.empty((2, 36))
+    )
+
+
+@lean
+def add_points(rows, runs, nodes, coefficients, law, friction, rubbing, exact, force, stiffness, found, sums, room):
+    """What `press` does, with room for sums over the points of an element, for shape functions and a point."""
+    A = nodes.shape[1]
+    of_nodes, of_pairs = sums
+    N, point = room[0, :A], room[1]
+    core, G, P, soft, depth = law
+    mu, elastic, lever = friction
+    kept, away, theta, T, R = rubbing
+    rubs, tangent, stiffest = mu > 0.0, stiffness.shape[0] > 0, 0.0
+    for s in range(nodes.shape[0]):
+        for k in range(runs[s], runs[s + 1]):
+            w, n0, n1, n2 = rows[k, 1], rows[k, 3], rows[k, 4], rows[k, 5]
+            p, stiff, psi = barrier(rows[k, 2] - core, G, P)
+            if soft > 0.0:
+                p1, k1, psi1 = layer(core + G + depth - rows[k, 2], soft, G)
+                p, stiff, psi = p + p1, stiff + k1, psi + psi1
+            stiffest = max(stiffest, w * stiff)
+            found[k, 0], found[k, 7] = p, psi
+            t = rows[k, 0] - 0.5
+            for a in range(A):
+                value = 0.0
+                for j in range(A - 1, -1, -1):
+                    value = value * t + coefficients[j, a]
+                N[a] = value
+            bend = p if exact else 0.0
+            if not rubs:
+                for a in range(A):
+                    f = -w * p * N[a]
+                    of_nodes[a, 0] += f * n0
+                    of_nodes[a, 1] += f * n1
+                    of_nodes[a, 2] += f * n2
+                if tangent:
+                    add_pressed(rows, k, w, stiff, bend, N, of_pairs)
                 continue
-            last = shorten(mesh, first, last, y, out[0] + 2.0 * half, cell_list)
-            first, few = 0, (mesh[0], mesh[1], cell_list, mesh[3], mesh[4], mesh[5])
-            out[17] = -1.0
-        look(C, end, kind, size, few, rods, first, last, y, slope, out)
-        g1, f1, y0, y1, y2 = out[0], out[13], y[0], y[1], y[2]
-        b = begin
-        look(C, b, kind, size, few, rods, first, last, y, slope, out)
-        gb, fb = out[0], out[13]
-        if mesh is not None and kind == MESH:
-            pieces, n_cell = pieces_over(few, first, last, h[e] / counts[e]), last
-        elif rods is None and gb < level and g1 < level:
-            pieces = 1
-        else:
-            chord = sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
-            pieces = (ON_STRAND if rods is not None else ON_SHAPE) if gb + g1 - BENT * chord < 2.0 * level else 1
-        for piece in range(pieces):
-            a, ga, fa = b, gb, fb
-            b = begin + (end - begin) * (piece + 1) / pieces if piece + 1 < pieces else end
-            if mesh is not None and kind == MESH:
-                place_at(C, a, y, slope)
-                y0, y1, y2 = y[0], y[1], y[2]
-                out[17] = -1.0
-                few = (mesh[0], mesh[1], cell_list, mesh[3], mesh[4], mesh[5])
-                look(C, 0.5 * (a + b), kind, size, few, rods, first, n_cell, y, slope, out)
-                half = BENT * sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
-                last = shorten(few, first, n_cell, y, out[0] + 2.0 * half, piece_list)
-                few = (mesh[0], mesh[1], piece_list, mesh[3], mesh[4], mesh[5])
-                out[17] = -1.0
-            if piece + 1 < pieces:
-                look(C, b, kind, size, few, rods, first, last, y, slope, out)
-                gb, fb = out[0], out[13]
-            else:
-                gb, fb = g1, f1
-            for k in range(2):  # of no length in itself
-                w = tips[cell, k]
-                if w > 0.0 and piece == (0 if k == 0 else pieces - 1) and (ga if k == 0 else gb) < level:
-                    xi = a if k == 0 else b
-                    count = add_stretch(
-                        C, xi, xi + w / h[e], h[e], X_1, W_1, Q[o], kind, size, few, rods, first, last, y, slope, out,
-                        count, m, rows, owners,
-                    )  # fmt: skip
-            bottom, g = a if ga < gb else b, min(ga, gb)
-            inner_minimum = fa < 0.0 < fb
-            if inner_minimum:
-                flat = FLAT * (level - cores[o])
-                bottom = lowest(C, a, b, fa, fb, flat, kind, size, few, rods, first, last, y, slope, out)
-                g = min(g, out[0])
-            if g - cores[o] < nearest:
-                nearest, where, place = g - cores[o], m, bottom
-            if g >= level or (ga >= level and gb >= level and not inner_minimum):
+            z0, z1, z2, t0, t1, t2 = kept[k, 0], kept[k, 1], kept[k, 2], 0.0, 0.0, 0.0
+            for a in range(A):
+                node, f = nodes[s, a], N[a]
+                z0, z1, z2 = z0 + f * away[node, 0], z1 + f * away[node, 1], z2 + f * away[node, 2]
+                t0, t1, t2 = t0 + f * theta[node, 0], t1 + f * theta[node, 1], t2 + f * theta[node, 2]
+            nz = n0 * z0 + n1 * z1 + n2 * z2
+            u0 = z0 - n0 * nz - lever * (t1 * n2 - t2 * n1)
+            u1 = z1 - n1 * nz - lever * (t2 * n0 - t0 * n2)
+            u2 = z2 - n2 * nz - lever * (t0 * n1 - t1 * n0)
+            f, g = slide(u0, u1, u2, mu, elastic)
+            m0, m1, m2 = f * u0, f * u1, f * u2
+            found[k, 1], found[k, 2], found[k, 3] = m0, m1, m2
+            found[k, 4], found[k, 5], found[k, 6] = u0, u1, u2
+            c0, c1, c2 = n1 * m2 - n2 * m1, n2 * m0 - n0 * m2, n0 * m1 - n1 * m0
+            for a in range(A):
+                part = w * p * N[a]
+                turning = -lever * part
+                of_nodes[a, 0] += part * (m0 - n0)
+                of_nodes[a, 1] += part * (m1 - n1)
+                of_nodes[a, 2] += part * (m2 - n2)
+                of_nodes[a, 3] += turning * c0
+                of_nodes[a, 4] += turning * c1
+                of_nodes[a, 5] += turning * c2
+            if not tangent:
                 continue
-            low, high = a, b
-            if ga >= level:
-                low = root(C, bottom, a, level, kind, size, few, rods, first, last, y, slope, out)
-            if gb >= level:
-                high = root(C, bottom, b, level, kind, size, few, rods, first, last, y, slope, out)
-            whole = ga < level and gb < level and not inner_minimum
-            middle = bottom if inner_minimum else low
-            X, W = X_4, W_4
-            if whole:
-                X, W = (X_3, W_3) if rods is None else (X_2, W_2)
-            for k in range(2):
-                count = add_stretch(
-                    C, low if k == 0 else middle, middle if k == 0 else high, h[e], X, W, Q[o], kind, size, few, rods,
-                    first, last, y, slope, out, count, m, rows, owners,
-                )  # fmt: skip
-    return count, nearest, where, place
+            rubbed_point(rows, k, p, stiff, bend, lever, (u0, u1, u2), f, g, (z0, z1, z2), (t0, t1, t2), point)
+            pair = 0
+            for a in range(A):
+                for b in range(a + 1):
+                    part = w * N[a] * N[b]
+                    for j in range(36):
+                        of_pairs[pair, j] += part * point[j]
+                    pair += 1
+        if rubs:
+            settle_rubbed(s, nodes, T, R, of_nodes, of_pairs, tangent, force, stiffness)
+        else:
+            settle(s, of_nodes, of_pairs, tangent, force, stiffness)
+    return stiffest
 
 
-@kernel
-def cell_balls(cells, counts, conn, coefficients, r, Q, c, middle, radius):
-    """Middle (n, 3) and radius (n,) of a ball about each cell, in a frame."""
-    A = conn.shape[1]
-    C, y, slope = np.empty((A, 3)), np.empty(3), np.empty(3)
-    for m in range(cells.shape[0]):
-        e, number = cells[m]
-        element_polynomial(conn[e], coefficients, r, Q, c, C)
-        place_at(C, (number + 0.5) / counts[e], middle[m], slope)
-        largest = 0.0
-        for k in range(2):
-            place_at(C, (number + k) / counts[e], y, slope)
-            square = (y[0] - middle[m, 0]) ** 2 + (y[1] - middle[m, 1]) ** 2 + (y[2] - middle[m, 2]) ** 2
-            largest = max(largest, square)
-        radius[m] = 1.05 * sqrt(largest)
+@fused
+def add_pressed(rows, k, w, stiff, bend, N, of_pairs):
+    """Stiffness of a point without friction, k n n - p H, for all pairs of nodes."""
+    n0, n1, n2 = rows[k, 3], rows[k, 4], rows[k, 5]
+    along, across = w * stiff, w * bend
+    k00, k01 = along * n0 * n0 - across * rows[k, 6], along * n0 * n1 - across * rows[k, 7]
+    k02, k11 = along * n0 * n2 - across * rows[k, 8], along * n1 * n1 - across * rows[k, 10]
+    k12, k22 = along * n1 * n2 - across * rows[k, 11], along * n2 * n2 - across * rows[k, 14]
+    pair = 0
+    for a in range(N.shape[0]):
+        for b in range(a + 1):
+            f = N[a] * N[b]
+            of_pairs[pair, 0] += f * k00
+            of_pairs[pair, 1] += f * k01
+            of_pairs[pair, 2] += f * k02
+            of_pairs[pair, 3] += f * k11
+            of_pairs[pair, 4] += f * k12
+            of_pairs[pair, 5] += f * k22
+            pair += 1
 
 
-@kernel
-def far_from(kind, size, middle, out):
-    """Distance out (n,) of points (n, 3) from a closed-form shape, in its frame."""
-    row = np.empty(OUT)
-    for m in range(middle.shape[0]):
-        closed_form(kind, size, middle[m], row)
-        out[m] = row[0]
+@fused
+def rubbed_point(rows, k, p, stiff, bend, lever, u, f, g, z, turn, point):
+    """Change of force and moment on the rod at a point, seen in space (6, 6), with its place and rotation vector.
 
-
-@inner
-def room(distance, core, n0, n1, n2, d, part, spare):
-    """Part of the step d (3,) that closes at most `part` of the gap, or all but `spare`, by the tangent plane.
-
-    Rigorous for convex bodies, whose distance is a convex function.
+    Friction f u changes by f du - g u (u . du); u is normal to n. The slip changes by X dx + lever n x dtheta.
     """
-    closing = -(n0 * d[0] + n1 * d[1] + n2 * d[2])
-    gap = distance - core
-    free = max(part * gap, gap - spare)
-    if closing <= 0.0 or free >= closing:
-        return 1.0
-    return free / closing
+    n0, n1, n2 = rows[k, 3], rows[k, 4], rows[k, 5]
+    u0, u1, u2 = u
+    z0, z1, z2 = z
+    t0, t1, t2 = turn
+    nz = n0 * z0 + n1 * z1 + n2 * z2
+    c0, c1, c2 = u1 * n2 - u2 * n1, u2 * n0 - u0 * n2, u0 * n1 - u1 * n0
+    fp, gp, sf = f * p, g * p, stiff * f
+    lf, lg, arm = lever * fp, lever * gp, lever * lever
+    for j in range(3):
+        nj = n0 if j == 0 else n1 if j == 1 else n2
+        H0, H1, H2 = rows[k, 6 + j], rows[k, 9 + j], rows[k, 12 + j]
+        Hz = nj + H0 * z0 + H1 * z1 + H2 * z2
+        x0 = (1.0 if j == 0 else 0.0) - nz * H0 - n0 * Hz - lever * (t1 * H2 - t2 * H1)
+        x1 = (1.0 if j == 1 else 0.0) - nz * H1 - n1 * Hz - lever * (t2 * H0 - t0 * H2)
+        x2 = (1.0 if j == 2 else 0.0) - nz * H2 - n2 * Hz - lever * (t0 * H1 - t1 * H0)
+        along = gp * (u0 * x0 + u1 * x1 + u2 * x2) + sf * nj
+        v0, v1, v2 = fp * x0 - u0 * along, fp * x1 - u1 * along, fp * x2 - u2 * along
+        normal = stiff * nj
+        point[j] = v0 + n0 * normal - bend * H0
+        point[6 + j] = v1 + n1 * normal - bend * H1
+        point[12 + j] = v2 + n2 * normal - bend * H2
+        # moment -lever n x (p f u)
+        point[18 + j] = -lever * (n1 * v2 - n2 * v1) - lf * (H1 * u2 - H2 * u1)
+        point[24 + j] = -lever * (n2 * v0 - n0 * v2) - lf * (H2 * u0 - H0 * u2)
+        point[30 + j] = -lever * (n0 * v1 - n1 * v0) - lf * (H0 * u1 - H1 * u0)
+    # lever p (f n x - g u (u x n)), and lever^2 p (f (I - n n) - g (u x n) (u x n)) of the moment
+    point[3], point[4], point[5] = -lg * u0 * c0, -lf * n2 - lg * u0 * c1, lf * n1 - lg * u0 * c2
+    point[9], point[10], point[11] = lf * n2 - lg * u1 * c0, -lg * u1 * c1, -lf * n0 - lg * u1 * c2
+    point[15], point[16], point[17] = -lf * n1 - lg * u2 * c0, lf * n0 - lg * u2 * c1, -lg * u2 * c2
+    fa, ga = arm * fp, arm * gp
+    w01, w02, w12 = -fa * n0 * n1 - ga * c0 * c1, -fa * n0 * n2 - ga * c0 * c2, -fa * n1 * n2 - ga * c1 * c2
+    point[21], point[22], point[23] = fa * (1.0 - n0 * n0) - ga * c0 * c0, w01, w02
+    point[27], point[28], point[29] = w01, fa * (1.0 - n1 * n1) - ga * c1 * c1, w12
+    point[33], point[34], point[35] = w02, w12, fa * (1.0 - n2 * n2) - ga * c2 * c2
 
 
-@kernel
-def largest_step(entries, cells, counts, conn, coefficients, r, moved, obstacles, Q1, c1, mesh, part, spare):
-    """Part of the way from r to moved (N, 3), with obstacles going from Q, c to Q1, c1, on which no gap closes.
-
-    Along each cell, at both ends and two places between, the gap distance - core may close by `part` of itself towards
-    each convex piece of the obstacle: a triangle, a solid; a torus is met by short stretches of which each stays away.
-    """
-    A = conn.shape[1]
-    kinds, sizes, Q, c, _, cores = obstacles
-    C, D, y, d, slope, out = np.empty((A, 3)), np.empty((A, 3)), np.empty(3), np.empty(3), np.empty(3), np.empty(OUT)
-    alpha = 1.0
-    for m in range(entries.shape[0]):
-        cell, o, first, last = entries[m]
-        core = cores[o]
-        e, number = cells[cell]
-        element_polynomial(conn[e], coefficients, r, Q[o], c[o], C)
-        element_polynomial(conn[e], coefficients, moved, Q1[o], c1[o], D)
-        for k in range(4):
-            xi = (number + k / 3.0) / counts[e]
-            place_at(C, xi, y, slope)
-            place_at(D, xi, d, slope)
-            for i in range(3):
-                d[i] -= y[i]
-            if mesh is not None and kinds[o] == MESH:
-                far = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) / part + core
-                for j in range(first, last):
-                    if beyond(mesh, j, y, far):
-                        continue
-                    out[17] = -1.0
-                    triangles(mesh, j, j + 1, y, out)
-                    alpha = min(alpha, room(out[0], core, out[1], out[2], out[3], d, part, spare))
-            elif kinds[o] == TORUS:
-                alpha = min(alpha, stretches(kinds[o], sizes[o], y, d, core, part, out))
-            else:
-                closed_form(kinds[o], sizes[o], y, out)
-                alpha = min(alpha, room(out[0], core, out[1], out[2], out[3], d, part, spare))
-    return alpha
-
-
-@inner
-def stretches(kind, size, y, d, core, part, out):
-    """As `room` for a torus: stretches short against its hole, each with a bound of second order on its distance."""
-    length = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-    if length == 0.0:
-        return 1.0
-    start = y[0], y[1], y[2]
-    closed_form(kind, size, y, out)
-    keep = (1.0 - part) * (out[0] - core)
-    done = 0.0
-    for _ in range(100):
+@lean
+def settle(s, of_nodes, of_pairs, tangent, force, stiffness):
+    """Write the sums over the points of an element without friction, and clear them."""
+    A, pair = of_nodes.shape[0], 0
+    for a in range(A):
         for i in range(3):
-            y[i] = start[i] + done * d[i]
-        closed_form(kind, size, y, out)
-        gap = out[0] - core - keep
-        if gap <= 0.0:
-            break
-        hole = sqrt(y[0] * y[0] + y[1] * y[1])
-        short = max(0.5 * hole, 1e-3 * size[0]) / length
-        closing = -(out[1] * d[0] + out[2] * d[1] + out[3] * d[2])
-        bend = 0.5 * length * length / max(0.5 * hole, 1e-3 * size[0])  # gap(t) >= gap - closing t - bend t^2
-        free = 2.0 * gap / (closing + sqrt(closing * closing + 4.0 * bend * gap))
-        if hole < size[0] and hole < 2e-3 * size[0]:
-            free = gap / length
-        done += min(free, short)
-        if done >= 1.0:
-            done = 1.0
-            break
-    y[0], y[1], y[2] = start
-    return done
+            force[s, a, i] = of_nodes[a, i]
+            of_nodes[a, i] = 0.0
+        if not tangent:
+            continue
+        for b in range(a + 1):
+            k00, k01, k02 = of_pairs[pair, 0], of_pairs[pair, 1], of_pairs[pair, 2]
+            k11, k12, k22 = of_pairs[pair, 3], of_pairs[pair, 4], of_pairs[pair, 5]
+            for turn in range(2):
+                i, j = (6 * a, 6 * b) if turn == 0 else (6 * b, 6 * a)
+                stiffness[s, i, j], stiffness[s, i, j + 1], stiffness[s, i, j + 2] = k00, k01, k02
+                stiffness[s, i + 1, j], stiffness[s, i + 1, j + 1], stiffness[s, i + 1, j + 2] = k01, k11, k12
+                stiffness[s, i + 2, j], stiffness[s, i + 2, j + 1], stiffness[s, i + 2, j + 2] = k02, k12, k22
+            for i in range(6):
+                of_pairs[pair, i] = 0.0
+            pair += 1
 
 
-@kernel
-def longest_chord(cells, counts, conn, coefficients, r, radius):
-    """Longest chord of a cell, in parts of its radius (n,)."""
-    A = conn.shape[1]
-    C, y, z, slope = np.empty((A, 3)), np.empty(3), np.empty(3), np.empty(3)
-    unturned, origin, longest, before = np.eye(3), np.zeros(3), 0.0, -1
-    for m in range(cells.shape[0]):
-        e, number = cells[m]
-        if e != before:
-            element_polynomial(conn[e], coefficients, r, unturned, origin, C)
-            before = e
-        place_at(C, number / counts[e], y, slope)
-        place_at(C, (number + 1) / counts[e], z, slope)
-        square = (y[0] - z[0]) ** 2 + (y[1] - z[1]) ** 2 + (y[2] - z[2]) ** 2
-        longest = max(longest, square / (radius[m] * radius[m]))
-    return sqrt(longest)
+@lean
+def settle_rubbed(s, nodes, T, R, of_nodes, of_pairs, tangent, force, stiffness):
+    """As `settle`, with moments put into the axes of the nodes and rotations taken from there."""
+    A, pair = of_nodes.shape[0], 0
+    for a in range(A):
+        node = nodes[s, a]
+        for i in range(3):
+            force[s, a, i] = of_nodes[a, i]
+            moment = R[node, 0, i] * of_nodes[a, 3] + R[node, 1, i] * of_nodes[a, 4] + R[node, 2, i] * of_nodes[a, 5]
+            force[s, a, 3 + i] = moment
+        for i in range(6):
+            of_nodes[a, i] = 0.0
+        if not tangent:
+            continue
+        for b in range(a + 1):
+            turned_block(s, 6 * a, 6 * b, node, nodes[s, b], of_pairs, pair, T, R, stiffness)
+            if a != b:
+                turned_block(s, 6 * b, 6 * a, nodes[s, b], node, of_pairs, pair, T, R, stiffness)
+            for i in range(36):
+                of_pairs[pair, i] = 0.0
+            pair += 1
+        # the moment is seen in the axes of its own section, R^T v: half of its change (R^T v) x phi, as for all tangents
+        o = 6 * a + 3
+        v0, v1, v2 = 0.5 * force[s, a, 3], 0.5 * force[s, a, 4], 0.5 * force[s, a, 5]
+        stiffness[s, o, o + 1] -= v2
+        stiffness[s, o, o + 2] += v1
+        stiffness[s, o + 1, o] += v2
+        stiffness[s, o + 1, o + 2] -= v0
+        stiffness[s, o + 2, o] -= v1
+        stiffness[s, o + 2, o + 1] += v0
+
+
+@fused
+def turned_block(s, row, column, mine, node, of_pairs, pair, T, R, K):
+    """Block of two nodes: rotations come in by T of the second, moments go out by R^T of the first."""
+    t00, t01, t02 = T[node, 0, 0], T[node, 0, 1], T[node, 0, 2]
+    t10, t11, t12 = T[node, 1, 0], T[node, 1, 1], T[node, 1, 2]
+    t20, t21, t22 = T[node, 2, 0], T[node, 2, 1], T[node, 2, 2]
+    for i in range(3):
+        o = 6 * i
+        l0, l1, l2 = of_pairs[pair, o + 3], of_pairs[pair, o + 4], of_pairs[pair, o + 5]
+        f0, f1, f2 = of_pairs[pair, o], of_pairs[pair, o + 1], of_pairs[pair, o + 2]
+        K[s, row + i, column], K[s, row + i, column + 1], K[s, row + i, column + 2] = f0, f1, f2
+        K[s, row + i, column + 3] = l0 * t00 + l1 * t10 + l2 * t20
+        K[s, row + i, column + 4] = l0 * t01 + l1 * t11 + l2 * t21
+        K[s, row + i, column + 5] = l0 * t02 + l1 * t12 + l2 * t22
+    for i in range(3):
+        r0, r1, r2 = R[mine, 0, i], R[mine, 1, i], R[mine, 2, i]
+        for j in range(3):
+            K[s, row + 3 + i, column + j] = (
+                r0 * of_pairs[pair, 18 + j] + r1 * of_pairs[pair, 24 + j] + r2 * of_pairs[pair, 30 + j]
+            )
+        w0 = r0 * of_pairs[pair, 21] + r1 * of_pairs[pair, 27] + r2 * of_pairs[pair, 33]
+        w1 = r0 * of_pairs[pair, 22] + r1 * of_pairs[pair, 28] + r2 * of_pairs[pair, 34]
+        w2 = r0 * of_pairs[pair, 23] + r1 * of_pairs[pair, 29] + r2 * of_pairs[pair, 35]
+        K[s, row + 3 + i, column + 3] = w0 * t00 + w1 * t10 + w2 * t20
+        K[s, row + 3 + i, column + 4] = w0 * t01 + w1 * t11 + w2 * t21
+        K[s, row + 3 + i, column + 5] = w0 * t02 + w1 * t12 + w2 * t22
 
 
 @kernel
@@ -450,7 +342,7 @@ def turned(q, q0, theta, T):
             T[k, 2, j] = v2 - 0.5 * c2 + f * e2
 
 
-@inner
+@lean
 def rotation_matrix(a0, a1, a2, a3, R):
     R[0, 0] = 1.0 - 2.0 * (a2 * a2 + a3 * a3)
     R[0, 1] = 2.0 * (a1 * a2 - a0 * a3)
@@ -461,174 +353,3 @@ def rotation_matrix(a0, a1, a2, a3, R):
     R[2, 0] = 2.0 * (a1 * a3 - a0 * a2)
     R[2, 1] = 2.0 * (a2 * a3 + a0 * a1)
     R[2, 2] = 1.0 - 2.0 * (a1 * a1 + a2 * a2)
-
-
-@inner
-def slide(u, mu, elastic, m, M):
-    """Friction per pressure m (3,) of an elastic slip u (3,), opposed by it, and its change M (3, 3) with u.
-
-    What is about to slip counts as slipping in M: a step begins where the last one left it, at its limit.
-    """
-    size = sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
-    slipping = size > ABOUT_TO_SLIP * elastic
-    f = mu / max(size, elastic)
-    for i in range(3):
-        m[i] = f * u[i]
-        for j in range(3):
-            M[i, j] = -f * u[i] * u[j] / (size * size) if slipping else 0.0
-        M[i, i] += f
-
-
-@kernel
-def press(
-    rows, element, slot, conn, coefficients, r, law, friction, kept, away, theta, T, R, exact, force, stiffness, found
-):
-    """Residual force (S, A, 6) and, if not empty, stiffness (S, 6 A, 6 A) of contact at points, for touched elements.
-
-    rows: of `find`; element, slot (K,): of each point; law (5,): core radius (distance at which the barrier is infinite),
-    range, scale, stiffness and depth of a compliant layer; friction (3,): mu, elastic slip, lever (radius of the rod).
-    kept (K, 3): slip kept from before; away (N, 3): way of each node relative to the part since then; theta, T, R: of
-    `turned`, rotation matrices. Empty without friction. exact: keep the part of the stiffness that pressure has by the
-    curvature of the obstacle. found (K, 8): written, pressure, friction per pressure (3), slip (3), potential.
-    Returns the largest weight times stiffness [N/m].
-    """
-    A = conn.shape[1]
-    N, m, n, u, z, turn = np.empty(A), np.zeros(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    M, H, X, F = np.zeros((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    XR, nm, U = np.empty((3, 3)), np.zeros(3), np.empty((3, 3))
-    core, G, P, soft, depth = law
-    mu, elastic, lever = friction
-    rubs, tangent, stiffest = mu > 0.0, stiffness.shape[0] > 0, 0.0
-    for k in range(rows.shape[0]):
-        e, s, w = element[k], slot[k], rows[k, 1]
-        p, stiff, psi = barrier(rows[k, 2] - core, G, P)
-        if soft > 0.0:
-            p1, k1, psi1 = layer(core + G + depth - rows[k, 2], soft, G)
-            p, stiff, psi = p + p1, stiff + k1, psi + psi1
-        stiffest = max(stiffest, w * stiff)
-        t = rows[k, 0] - 0.5
-        for a in range(A):
-            value = 0.0
-            for j in range(A - 1, -1, -1):
-                value = value * t + coefficients[j, a]
-            N[a] = value
-        for i in range(3):
-            n[i] = rows[k, 3 + i]
-            for j in range(3):
-                H[i, j] = rows[k, 6 + 3 * i + j]
-        if rubs:
-            for i in range(3):
-                z[i], turn[i] = kept[k, i], 0.0
-                for a in range(A):
-                    z[i] += N[a] * away[conn[e, a], i]
-                    turn[i] += N[a] * theta[conn[e, a], i]
-            nz = n[0] * z[0] + n[1] * z[1] + n[2] * z[2]
-            u[0] = z[0] - n[0] * nz - lever * (turn[1] * n[2] - turn[2] * n[1])
-            u[1] = z[1] - n[1] * nz - lever * (turn[2] * n[0] - turn[0] * n[2])
-            u[2] = z[2] - n[2] * nz - lever * (turn[0] * n[1] - turn[1] * n[0])
-            slide(u, mu, elastic, m, M)
-            nm[0] = n[1] * m[2] - n[2] * m[1]
-            nm[1] = n[2] * m[0] - n[0] * m[2]
-            nm[2] = n[0] * m[1] - n[1] * m[0]
-            for i in range(3):
-                found[k, 4 + i] = u[i]
-        found[k, 0], found[k, 7] = p, psi
-        for i in range(3):
-            found[k, 1 + i] = m[i]
-        for a in range(A):
-            f = w * N[a] * p
-            for i in range(3):
-                force[s, a, i] += f * (m[i] - n[i])
-            if rubs:
-                node = conn[e, a]
-                for i in range(3):
-                    total = 0.0
-                    for j in range(3):
-                        total += R[node, j, i] * nm[j]
-                    force[s, a, 3 + i] -= lever * f * total
-        if not tangent:
-            continue
-        bend = p if exact else 0.0
-        if not rubs:
-            for i in range(3):
-                for j in range(3):
-                    F[i, j] = w * (stiff * n[i] * n[j] - bend * H[i, j])
-            add_translations(stiffness[s], N, F)
-            continue
-        # change of the slip: X dx + lever n x dtheta
-        for j in range(3):
-            Hz = H[0, j] * z[0] + H[1, j] * z[1] + H[2, j] * z[2]
-            for i in range(3):
-                X[i, j] = -n[i] * n[j] - nz * H[i, j] - n[i] * Hz
-            X[j, j] += 1.0
-            X[0, j] -= lever * (turn[1] * H[2, j] - turn[2] * H[1, j])
-            X[1, j] -= lever * (turn[2] * H[0, j] - turn[0] * H[2, j])
-            X[2, j] -= lever * (turn[0] * H[1, j] - turn[1] * H[0, j])
-        for i in range(3):
-            for j in range(3):
-                XR[i, j] = M[i, 0] * X[0, j] + M[i, 1] * X[1, j] + M[i, 2] * X[2, j]
-                F[i, j] = stiff * n[i] * n[j] - bend * H[i, j] - stiff * m[i] * n[j] + p * XR[i, j]
-        # moment -lever n x (p m): change with dx
-        for j in range(3):
-            v0, v1, v2 = (
-                p * XR[0, j] - stiff * m[0] * n[j],
-                p * XR[1, j] - stiff * m[1] * n[j],
-                p * XR[2, j] - stiff * m[2] * n[j],
-            )
-            U[0, j] = -lever * (n[1] * v2 - n[2] * v1 + p * (H[1, j] * m[2] - H[2, j] * m[1]))
-            U[1, j] = -lever * (n[2] * v0 - n[0] * v2 + p * (H[2, j] * m[0] - H[0, j] * m[2]))
-            U[2, j] = -lever * (n[0] * v1 - n[1] * v0 + p * (H[0, j] * m[1] - H[1, j] * m[0]))
-        add_rubbing(stiffness[s], N, conn[e], w, p, lever, n, M, nm, F, U, T, R)
-    return stiffest
-
-
-@inner
-def add_translations(K, N, F):
-    for a in range(N.shape[0]):
-        for b in range(N.shape[0]):
-            f = N[a] * N[b]
-            for i in range(3):
-                for j in range(3):
-                    K[6 * a + i, 6 * b + j] += f * F[i, j]
-
-
-@inner
-def add_rubbing(K, N, nodes, w, p, lever, n, M, nm, F, U, T, R):
-    """All four 3x3 blocks of each pair of nodes: force and moment, with displacement and rotation."""
-    A = N.shape[0]
-    D, V = np.empty((3, 3)), np.empty((3, 3))
-    for b in range(A):
-        node = nodes[b]
-        # slip by the rotation: lever n x T phi; friction p M of it; moment -lever n x of that
-        for j in range(3):
-            t0, t1, t2 = T[node, 0, j], T[node, 1, j], T[node, 2, j]
-            s0, s1, s2 = n[1] * t2 - n[2] * t1, n[2] * t0 - n[0] * t2, n[0] * t1 - n[1] * t0
-            for i in range(3):
-                D[i, j] = lever * p * (M[i, 0] * s0 + M[i, 1] * s1 + M[i, 2] * s2)
-            V[0, j] = -lever * (n[1] * D[2, j] - n[2] * D[1, j])
-            V[1, j] = -lever * (n[2] * D[0, j] - n[0] * D[2, j])
-            V[2, j] = -lever * (n[0] * D[1, j] - n[1] * D[0, j])
-        for a in range(A):
-            f, mine = w * N[a] * N[b], nodes[a]
-            for j in range(3):
-                for i in range(3):
-                    K[6 * a + i, 6 * b + j] += f * F[i, j]
-                    K[6 * a + i, 6 * b + 3 + j] += f * D[i, j]
-                    K[6 * a + 3 + i, 6 * b + j] += f * (
-                        R[mine, 0, i] * U[0, j] + R[mine, 1, i] * U[1, j] + R[mine, 2, i] * U[2, j]
-                    )
-                    K[6 * a + 3 + i, 6 * b + 3 + j] += f * (
-                        R[mine, 0, i] * V[0, j] + R[mine, 1, i] * V[1, j] + R[mine, 2, i] * V[2, j]
-                    )
-        # the moment is seen in the axes of its own section, R^T v: half of its change (R^T v) x phi, as for all tangents
-        f = -0.5 * w * N[b] * lever * p
-        v0 = f * (R[node, 0, 0] * nm[0] + R[node, 1, 0] * nm[1] + R[node, 2, 0] * nm[2])
-        v1 = f * (R[node, 0, 1] * nm[0] + R[node, 1, 1] * nm[1] + R[node, 2, 1] * nm[2])
-        v2 = f * (R[node, 0, 2] * nm[0] + R[node, 1, 2] * nm[1] + R[node, 2, 2] * nm[2])
-        o = 6 * b + 3
-        K[o, o + 1] -= v2
-        K[o, o + 2] += v1
-        K[o + 1, o] += v2
-        K[o + 1, o + 2] -= v0
-        K[o + 2, o] -= v1
-        K[o + 2, o + 1] += v0

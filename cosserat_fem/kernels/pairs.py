@@ -13,11 +13,11 @@ from math import cos, sin, sqrt
 
 import numpy as np
 
-from . import inner, kernel
+from . import kernel, lean
 from .contact import barrier, layer, slide
 
 
-@inner
+@lean
 def shape(coefficients, xi, N, D):
     """Shape functions N and their derivatives D (A,) at xi."""
     A, t = N.shape[0], xi - 0.5
@@ -29,18 +29,18 @@ def shape(coefficients, xi, N, D):
         N[a], D[a] = value, d
 
 
-@inner
+@lean
 def cross(a, b, out):
     a0, a1, a2, b0, b1, b2 = a[0], a[1], a[2], b[0], b[1], b[2]
     out[0], out[1], out[2] = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
 
 
-@inner
+@lean
 def dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@inner
+@lean
 def turn_by(theta, E, J):
     """Rotation matrix E and left tangent map J (3, 3) of a rotation vector."""
     angle2 = dot(theta, theta)
@@ -68,7 +68,7 @@ def press_pairs(
 ):
     """Residual force (S, 2 A, 6) and, if not empty, stiffness (S, 12 A, 12 A) of contact between rods.
 
-    rows: of `contact.find`; nodes1, nodes2 (K, A): of the elements of both places; slot (K,): which block; laws (K, 7): core
+    rows: of `reach.find`; nodes1, nodes2 (K, A): of the elements of both places; slot (K,): which block; laws (K, 7): core
     distance, range, scale, stiffness and depth of a layer, radius of both rods; friction (2,): mu, elastic slip.
     kept (K, 3), r0 (N, 3): slip and places last accepted; theta, T, R: of `contact.turned`, rotation matrices. exact: with
     the curvature of the distance. found (K, 8): pressure, friction per pressure, slip, potential. Returns the largest
@@ -83,7 +83,7 @@ def press_pairs(
         np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3),
         np.empty(3),
     )  # fmt: skip
-    M, E, J = np.zeros((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    E, J = np.empty((3, 3)), np.empty((3, 3))
     df, dm, dn, du, dz, one, two, w = (
         np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3),
     )  # fmt: skip
@@ -131,7 +131,9 @@ def press_pairs(
             cross(spin, n, one)
             for i in range(3):
                 u[i] = z[i] - n[i] * nz - 0.5 * (l1 - l2) * one[i]
-            slide(u, mu, elastic, m, M)
+            rub, fall = slide(u[0], u[1], u[2], mu, elastic)
+            for i in range(3):
+                m[i] = rub * u[i]
             cross(n, m, nm)
             for i in range(3):
                 found[k, 4 + i] = u[i]
@@ -201,8 +203,9 @@ def press_pairs(
                     for i in range(3):
                         apart = 0.5 * (l1 - l2) * (one[i] + two[i]) + 0.5 * (l1 - l2) / d * closing * du[i]
                         du[i] = dz[i] - n[i] * normal - dn[i] * nz - apart
+                    along = dot(u, du)
                     for i in range(3):
-                        dm[i] = M[i, 0] * du[0] + M[i, 1] * du[1] + M[i, 2] * du[2]
+                        dm[i] = rub * du[i] - fall * u[i] * along
                         df[i] = dp * (m[i] - n[i]) + p * (dm[i] - dn[i])
                     cross(dn, m, one)
                     cross(n, dm, two)

@@ -9,22 +9,22 @@ Out (18,): distance, gradient (3), Hessian (9, by rows), one place for the calle
 
 from __future__ import annotations
 
-from math import hypot, sqrt
+from math import sqrt
 
 import numpy as np
 
-from . import inner
+from . import fused, lean
 
 PLANE, SPHERE, CYLINDER, CAPSULE, BOX, TORUS, MESH, STRAND = range(8)
-FLAT = 1e-12  # in parts of an edge squared: a point beside a triangle by less than this is over it
+FLAT = 1e-12  # in parts of its width: a point beside a triangle by less than this is over it
 
 
-@inner
+@lean
 def set_gradient(d, n0, n1, n2, out):
     out[0], out[1], out[2], out[3] = d, n0, n1, n2
 
 
-@inner
+@lean
 def set_hessian(f, out):
     """f (I - n n)."""
     for i in range(3):
@@ -33,13 +33,13 @@ def set_hessian(f, out):
         out[4 + 4 * i] += f
 
 
-@inner
+@lean
 def clear_hessian(out):
     for i in range(4, 13):
         out[i] = 0.0
 
 
-@inner
+@lean
 def subtract_axis(f, e0, e1, e2, out):
     """Hessian -= f e e."""
     out[4] -= f * e0 * e0
@@ -53,7 +53,7 @@ def subtract_axis(f, e0, e1, e2, out):
     out[12] -= f * e2 * e2
 
 
-@inner
+@lean
 def from_point(v0, v1, v2, radius, out):
     """Ball of a radius about the foot of v."""
     d = sqrt(v0 * v0 + v1 * v1 + v2 * v2)
@@ -62,7 +62,7 @@ def from_point(v0, v1, v2, radius, out):
     set_hessian(i, out)
 
 
-@inner
+@lean
 def round_about_axis(y0, y1, rho, radial, axial, distance, turn, out):
     """Shape of revolution about z: gradient (radial, axial) in the half plane of the point, curvature `turn` in it."""
     i = 1.0 / max(rho, 1e-300)
@@ -73,13 +73,13 @@ def round_about_axis(y0, y1, rho, radial, axial, distance, turn, out):
     subtract_axis(-radial * i, -s, c, 0.0, out)
 
 
-@inner
+@lean
 def cylinder(y0, y1, y2, radius, half, out):
-    rho = hypot(y0, y1)
+    rho = sqrt(y0 * y0 + y1 * y1)
     side, top = rho - radius, abs(y2) - half
     sign = 1.0 if y2 > 0.0 else -1.0
     if side > 0.0 and top > 0.0:
-        d = hypot(side, top)
+        d = sqrt(side * side + top * top)
         round_about_axis(y0, y1, rho, side / d, sign * top / d, d, 1.0 / d, out)
     elif side > top:
         round_about_axis(y0, y1, rho, 1.0, 0.0, side, 0.0, out)
@@ -88,15 +88,15 @@ def cylinder(y0, y1, y2, radius, half, out):
         clear_hessian(out)
 
 
-@inner
+@lean
 def torus(y0, y1, y2, radius, tube, out):
-    rho = hypot(y0, y1)
+    rho = sqrt(y0 * y0 + y1 * y1)
     across = rho - radius
-    d = max(hypot(across, y2), 1e-300)
+    d = max(sqrt(across * across + y2 * y2), 1e-300)
     round_about_axis(y0, y1, rho, across / d, y2 / d, d - tube, 1.0 / d, out)
 
 
-@inner
+@lean
 def box(y, size, out):
     square, most, axis = 0.0, -np.inf, 0
     for i in range(3):
@@ -122,7 +122,7 @@ def box(y, size, out):
             out[4 + 4 * i] += 1.0 / d
 
 
-@inner
+@lean
 def closed_form(kind, size, y, out):
     """Distance to a shape given by a formula, in its own frame."""
     y0, y1, y2 = y[0], y[1], y[2]
@@ -144,79 +144,115 @@ def closed_form(kind, size, y, out):
         torus(y0, y1, y2, size[0], size[1], out)
 
 
-@inner
-def to_triangle(y, A, B, C, v):
-    """Vector v (3,) from the nearest point of a triangle to y; returns (distance squared, feature).
+# of a facet: corner A, normal n, outward normals in its plane of the edges AB, BC, CA, how far the second is from A, the
+# edges AB and AC, one over the squares of the lengths of AB, BC, CA, how far beside it a point counts as over it, its width
+FACET = 27
 
-    Feature: 0 face, 1 to 3 the edges AB, BC, CA, 4 to 6 the corners A, B, C.
+
+def facets(points, triangles):
+    """Rows (F, FACET) of triangles (F, 3) with corners in points (P, 3), and balls about them (F, 4): middle and radius."""
+    A, B, C = (points[triangles[:, k]] for k in range(3))
+    edges = (B - A, C - B, A - C)
+    n = np.cross(edges[0], -edges[2])
+    area = np.sqrt((n * n).sum(axis=1, keepdims=True))
+    n = n / area
+    squares = [(e * e).sum(axis=1, keepdims=True) for e in edges]
+    out = [np.cross(e, n) / np.sqrt(square) for e, square in zip(edges, squares, strict=True)]
+    width = area / np.sqrt(np.maximum(np.maximum(*squares[:2]), squares[2]))
+    apart = (out[1] * edges[0]).sum(axis=1, keepdims=True)
+    rows = np.concatenate(
+        [A, n, *out, apart, edges[0], -edges[2], *(1.0 / square for square in squares), FLAT * width, width], axis=1
+    )
+    corners = np.stack([A, B, C], axis=1)
+    middle = 0.5 * (corners.min(axis=1) + corners.max(axis=1))
+    radius = np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(axis=1))
+    return rows, np.concatenate([middle, radius[:, None]], axis=1)
+
+
+@fused
+def to_facet(y, rows, m, most, v):
+    """Vector v (3,) from the nearest point of a facet to y; returns (distance squared, feature).
+
+    Feature: 0 face, 1 to 3 the edges AB, BC, CA, 4 to 6 the corners A, B, C; -1 if the square is more than `most`, which is
+    mostly seen from the planes of the facet and of its edges. The nearest point of a triangle beside which y lies is on an
+    edge on whose outer side y is.
     """
-    ab0, ab1, ab2 = B[0] - A[0], B[1] - A[1], B[2] - A[2]
-    ac0, ac1, ac2 = C[0] - A[0], C[1] - A[1], C[2] - A[2]
-    p0, p1, p2 = y[0] - A[0], y[1] - A[1], y[2] - A[2]
-    bb = ab0 * ab0 + ab1 * ab1 + ab2 * ab2
-    cc = ac0 * ac0 + ac1 * ac1 + ac2 * ac2
-    bc = ab0 * ac0 + ab1 * ac1 + ab2 * ac2
-    pb = p0 * ab0 + p1 * ab1 + p2 * ab2
-    pc = p0 * ac0 + p1 * ac1 + p2 * ac2
-    det = bb * cc - bc * bc
-    s, t = cc * pb - bc * pc, bb * pc - bc * pb  # barycentric coordinates times det
-    slack = FLAT * det
-    if s >= -slack and t >= -slack and s + t <= det + slack:
-        s, t, feature = s / det, t / det, 0
-    else:
-        best, s_best, t_best, feature = np.inf, 0.0, 0.0, 0
-        pp = p0 * p0 + p1 * p1 + p2 * p2
-        for edge in range(3):
-            if edge == 0:
-                u = min(max(pb / bb, 0.0), 1.0)
-                a, b = u, 0.0
-            elif edge == 1:
-                u = min(max((pc - pb + bb - bc) / (bb + cc - 2.0 * bc), 0.0), 1.0)
-                a, b = 1.0 - u, u
-            else:
-                u = min(max(1.0 - pc / cc, 0.0), 1.0)
-                a, b = 0.0, 1.0 - u
-            square = pp - 2.0 * (a * pb + b * pc) + a * a * bb + 2.0 * a * b * bc + b * b * cc
-            if square < best:
-                best, s_best, t_best = square, a, b
-                feature = edge + 1 if 0.0 < u < 1.0 else 4 + (edge if u == 0.0 else (edge + 1) % 3)
-        s, t = s_best, t_best
-    v[0] = p0 - s * ab0 - t * ac0
-    v[1] = p1 - s * ab1 - t * ac1
-    v[2] = p2 - s * ab2 - t * ac2
-    return v[0] * v[0] + v[1] * v[1] + v[2] * v[2], feature
+    p0, p1, p2 = y[0] - rows[m, 0], y[1] - rows[m, 1], y[2] - rows[m, 2]
+    height = p0 * rows[m, 3] + p1 * rows[m, 4] + p2 * rows[m, 5]
+    ab = p0 * rows[m, 6] + p1 * rows[m, 7] + p2 * rows[m, 8]
+    bc = p0 * rows[m, 9] + p1 * rows[m, 10] + p2 * rows[m, 11] - rows[m, 15]
+    ca = p0 * rows[m, 12] + p1 * rows[m, 13] + p2 * rows[m, 14]
+    beside = max(ab, bc, ca)
+    if beside <= rows[m, 25]:
+        v[0], v[1], v[2] = height * rows[m, 3], height * rows[m, 4], height * rows[m, 5]
+        return height * height, 0
+    if height * height + beside * beside > most:
+        return np.inf, -1
+    b0, b1, b2 = rows[m, 16], rows[m, 17], rows[m, 18]
+    c0, c1, c2 = rows[m, 19], rows[m, 20], rows[m, 21]
+    best, feature = np.inf, -1
+    if ab > 0.0:
+        u = min(max((p0 * b0 + p1 * b1 + p2 * b2) * rows[m, 22], 0.0), 1.0)
+        w0, w1, w2 = p0 - u * b0, p1 - u * b1, p2 - u * b2
+        best, feature = w0 * w0 + w1 * w1 + w2 * w2, 1 if 0.0 < u < 1.0 else 4 if u == 0.0 else 5
+        v[0], v[1], v[2] = w0, w1, w2
+    if bc > 0.0:
+        e0, e1, e2 = c0 - b0, c1 - b1, c2 - b2
+        q0, q1, q2 = p0 - b0, p1 - b1, p2 - b2
+        u = min(max((q0 * e0 + q1 * e1 + q2 * e2) * rows[m, 23], 0.0), 1.0)
+        w0, w1, w2 = q0 - u * e0, q1 - u * e1, q2 - u * e2
+        square = w0 * w0 + w1 * w1 + w2 * w2
+        if square < best:
+            best, feature = square, 2 if 0.0 < u < 1.0 else 5 if u == 0.0 else 6
+            v[0], v[1], v[2] = w0, w1, w2
+    if ca > 0.0:
+        u = min(max((p0 * c0 + p1 * c1 + p2 * c2) * rows[m, 24], 0.0), 1.0)
+        w0, w1, w2 = p0 - u * c0, p1 - u * c1, p2 - u * c2
+        square = w0 * w0 + w1 * w1 + w2 * w2
+        if square < best:
+            best, feature = square, 3 if 0.0 < u < 1.0 else 4 if u == 0.0 else 6
+            v[0], v[1], v[2] = w0, w1, w2
+    return best, feature
 
 
-@inner
-def beyond(mesh, k, y, distance):
-    """True if the ball about the triangle index[k] is farther from y than a distance."""
-    m = mesh[2][k]
-    c, reach = mesh[3][m], distance + mesh[4][m]
-    d0, d1, d2 = y[0] - c[0], y[1] - c[1], y[2] - c[2]
+@lean
+def over_facet(rows, m, y):
+    """Lower bound on the square of the distance of y from a facet: exact over it and beside its edges."""
+    p0, p1, p2 = y[0] - rows[m, 0], y[1] - rows[m, 1], y[2] - rows[m, 2]
+    height = p0 * rows[m, 3] + p1 * rows[m, 4] + p2 * rows[m, 5]
+    ab = p0 * rows[m, 6] + p1 * rows[m, 7] + p2 * rows[m, 8]
+    bc = p0 * rows[m, 9] + p1 * rows[m, 10] + p2 * rows[m, 11] - rows[m, 15]
+    ca = p0 * rows[m, 12] + p1 * rows[m, 13] + p2 * rows[m, 14]
+    beside = max(ab, bc, ca, 0.0)
+    return height * height + beside * beside
+
+
+@lean
+def beyond(balls, m, y, distance):
+    """True if the ball about a triangle is farther from y than a distance."""
+    reach = distance + balls[m, 3]
+    d0, d1, d2 = y[0] - balls[m, 0], y[1] - balls[m, 1], y[2] - balls[m, 2]
     return d0 * d0 + d1 * d1 + d2 * d2 > reach * reach
 
 
-@inner
-def triangles(mesh, first, last, y, out):
-    """Distance to the nearest of the triangles index[first:last].
+@lean
+def triangles(rows, index, first, last, y, out):
+    """Distance to the nearest of the triangles index[first:last], of those in `rows` of `facets`.
 
-    mesh: points (P, 3), corners (F, 3), index, middles (F, 3) and radii (F,) of balls about triangles, and widths
-    (F,) of triangles. out[17]: place in
-    index of the one that was nearest to the last point, to begin with, or negative; renewed.
+    out[17]: the triangle that was nearest to the last point, to begin with, or negative; renewed. It need not be one of the
+    list if what it belongs to is the same.
     """
-    points, corners, index = mesh[0], mesh[1], mesh[2]
     v = out[14:17]
-    best, d, b0, b1, b2, feature, which = np.inf, np.inf, 0.0, 0.0, 0.0, 0, -1
+    best, b0, b1, b2, feature, which = np.inf, 0.0, 0.0, 0.0, 0, -1
     guess = int(out[17])
     for j in range(first - 1, last):
-        k = guess if j < first else j
-        if k < first or (j >= first and (k == guess or beyond(mesh, k, y, d))):
+        m = guess if j < first else index[j]
+        if m < 0 or (j >= first and m == guess):
             continue
-        m = index[k]
-        square, f = to_triangle(y, points[corners[m, 0]], points[corners[m, 1]], points[corners[m, 2]], v)
+        square, f = to_facet(y, rows, m, best * (1.0 + 1e-12), v)
         # of equally near ones a face counts first: a point over the common edge of two flat facets is over a face
-        if square < best * (1.0 - 1e-14) or (square <= best and f < feature):
-            best, d, b0, b1, b2, feature, which = square, sqrt(square) * (1.0 + 1e-12), v[0], v[1], v[2], f, k
+        if f >= 0 and (square < best * (1.0 - 1e-14) or (square <= best and f < feature)):
+            best, b0, b1, b2, feature, which = square, v[0], v[1], v[2], f, m
     if which < 0:
         set_gradient(np.inf, 0.0, 0.0, 1.0, out)
         clear_hessian(out)
@@ -226,8 +262,10 @@ def triangles(mesh, first, last, y, out):
     if feature == 0:
         clear_hessian(out)
     elif feature <= 3:
-        m = index[which]
-        a, b = points[corners[m, feature - 1]], points[corners[m, feature % 3]]
-        e0, e1, e2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-        i = 1.0 / sqrt(e0 * e0 + e1 * e1 + e2 * e2)
+        i, m = sqrt(rows[which, 21 + feature]), which
+        e0, e1, e2 = rows[m, 16], rows[m, 17], rows[m, 18]
+        if feature == 3:
+            e0, e1, e2 = rows[m, 19], rows[m, 20], rows[m, 21]
+        elif feature == 2:
+            e0, e1, e2 = rows[m, 19] - e0, rows[m, 20] - e1, rows[m, 21] - e2
         subtract_axis(1.0 / max(out[0], 1e-300), e0 * i, e1 * i, e2 * i, out)

@@ -10,10 +10,10 @@ from math import sqrt
 
 import numpy as np
 
-from . import inner, kernel
+from . import kernel, lean
 
 
-@inner
+@lean
 def element_polynomial(nodes, coefficients, r, Q, c, C):
     """C (A, 3): the element's centreline in a frame, sum of C_k (xi - 1/2)^k."""
     A = nodes.shape[0]
@@ -28,7 +28,7 @@ def element_polynomial(nodes, coefficients, r, Q, c, C):
                 C[k, i] += coefficients[k, a] * y
 
 
-@inner
+@lean
 def place_at(C, xi, y, slope):
     """Position y and derivative slope (3,) at xi."""
     t = xi - 0.5
@@ -40,7 +40,7 @@ def place_at(C, xi, y, slope):
         y[i], slope[i] = value, d
 
 
-@inner
+@lean
 def strand_at(nodes, coefficients, r, xi, out):
     """out[8:11] position, out[19:22] slope, out[22:25] second derivative of an element at xi."""
     A, t = nodes.shape[0], xi - 0.5
@@ -61,7 +61,7 @@ def strand_at(nodes, coefficients, r, xi, out):
             out[22 + i] += dd * x
 
 
-@inner
+@lean
 def along(x, out):
     """(x - x2) . x2' and (x - x2) . x2'' - x2' . x2' at the place in out."""
     d0, d1, d2 = x[0] - out[8], x[1] - out[9], x[2] - out[10]
@@ -70,7 +70,7 @@ def along(x, out):
     return f, g - (out[19] * out[19] + out[20] * out[20] + out[21] * out[21])
 
 
-@inner
+@lean
 def nearest_on_strand(x, rods, first, last, out):
     """Distance and direction out[:4] from the nearest place of the cells first .. last to x.
 
@@ -146,7 +146,7 @@ def cell_ends(cells, counts, nodes, coefficients, r, rod_of, ends):
             place_at(C, (cells[m, 1] + 1) / counts[e], ends[m + rod_of[m] + 1], slope)
 
 
-@inner
+@lean
 def segments(p0, p1, q0, q1, n):
     """Distance of two segments, and the direction n (3,) from the second to the first."""
     u0, u1, u2 = p1[0] - p0[0], p1[1] - p0[1], p1[2] - p0[2]

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ..kernels import clearance
 from ..kernels import contact as kernels
 from ..kernels.rotation import matrix_from_quaternion, multiply, quaternion_from_matrix
 from ..kernels.shapes import MESH
@@ -44,6 +45,7 @@ LEFT = 0.02  # part of a gap, or of the range, that a step must leave
 CLOSING, SPARE = 0.9, 0.3  # part of a gap that one step may close, or all of it but this part of the barrier's range
 STRETCHED = 1.9  # radii: a longer piece of rod between two looked at places could pass an obstacle
 NOBODY = np.empty((0, 3, 3))
+SMOOTH = 3 * (np.empty((0, 3)),) + 2 * (NOBODY,)  # no friction, no slip
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,28 +164,25 @@ class PartContact:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
         """Touched elements, residual force, stiffness, what each point does, largest stiffness."""
         cells = self._near(space).cells
-        touched, slot = np.unique(found.element, return_inverse=True)
-        A = cells.nodes.shape[1]
-        force = np.zeros((len(touched), A, 6))
-        stiffness = np.zeros((len(touched), 6 * A, 6 * A)) if tangent else NOBODY
+        new = np.flatnonzero(np.diff(found.element, prepend=-1))
+        touched, runs = found.element[new], np.append(new, len(found.element))
+        nodes = cells.nodes[touched]
+        S, A = nodes.shape
+        force = np.zeros((S, A, 6))
+        stiffness = np.zeros((S, 6 * A, 6 * A)) if tangent else NOBODY
         values = np.zeros((len(found.rows), 8))
         contact = state.contact or fresh(state, self, space)
-        touch = contact.touch[self]
         depth = (0.0, 0.0) if self.layer is None else self.layer
-        law = np.array([self.core, self.range, touch.scale, *depth])
-        kept = away = theta = np.empty((0, 3))
-        T = R = NOBODY
-        if self.friction > 0:
-            kept, away, theta, T = self._slips(state, space, contact, found)
-            R = matrix_from_quaternion(state.q)
+        law = np.array([self.core, self.range, contact.touch[self].scale, *depth])
+        rubbing = SMOOTH if self.friction == 0.0 else self._slips(state, space, contact, found)
         stiffest = kernels.press(
-            found.rows, found.element, slot, cells.nodes, cells.coefficients, state.r, law,
-            np.array([self.friction, self.slip, self.radius]), kept, away, theta, T, R, exact, force, stiffness, values,
+            found.rows, runs, nodes, cells.coefficients, law, np.array([self.friction, self.slip, self.radius]), rubbing,
+            exact, force, stiffness, values,
         )  # fmt: skip
         return touched, force, stiffness, values, stiffest
 
     def _slips(self, state: State, space: Space, contact: Contact, found: Found) -> tuple[np.ndarray, ...]:
-        """Slip kept (K, 3), way (N, 3) and turn (N, 3) of nodes relative to the part since the last accepted state."""
+        """What `press` takes of friction: all relative to the part, since the last accepted state."""
         near = self._near(space)
         (R, c), (R0, c0) = self.part.pose(contact.time), self.part.pose(contact.base_time)
         step = R @ R0.T
@@ -191,11 +190,15 @@ class PartContact:
         away = state.r - ((contact.base_r - c0) @ step.T + c)
         theta, T = np.empty_like(away), np.empty((len(away), 3, 3))
         kernels.turned(state.q, multiply(quaternion_from_matrix(step), contact.base_q), theta, T)
-        return kept, away, theta, T
+        return kept, away, theta, T, matrix_from_quaternion(state.q)
 
     def gap(self, state: State, space: Space) -> float:
         """Smallest distance [m] that was looked at, minus the one that is never reached."""
         return self._near(space).find(state).gap
+
+    def touched(self, state: State, space: Space) -> float:
+        """Length [m] of rod that is pressed."""
+        return float(self._near(space).find(state).rows[:, 1].sum())
 
     def overlaps(self, state: State, space: Space) -> list[str]:
         """What is wrong with a state at the start: the rod inside the part."""
@@ -304,13 +307,6 @@ class Near:
             np.full(self.n_obstacles, self.term.level),
             np.full(self.n_obstacles, self.term.core),
         )
-        if self.surface is not None:
-            corners = self.surface.points[self.surface.triangles]
-            middle = 0.5 * (corners.min(axis=1) + corners.max(axis=1))
-            radius = np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(axis=1))
-            sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-            area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-            self.facets = (middle, radius, area / sides.max(axis=1))
         self.middle: np.ndarray | None = None
         self._found: list[tuple[np.ndarray, float, Found]] = []
 
@@ -338,7 +334,7 @@ class Near:
         rows = []
         for k, shape in enumerate(self.term.part.shapes):
             distance = np.empty(len(middle))
-            kernels.far_from(shape.kind, shape.size, (middle - shape.origin) @ shape.frame, distance)
+            clearance.far_from(shape.kind, shape.size, (middle - shape.origin) @ shape.frame, distance)
             free = np.minimum(free, distance - reach)
             near = np.flatnonzero(distance <= reach + margin)
             rows.append(np.stack([near, np.full_like(near, k), 0 * near, 0 * near], axis=1))
@@ -349,9 +345,12 @@ class Near:
             near = np.flatnonzero(distance <= reach + margin)
             start, index = self.surface.candidates(middle[near], (reach + margin)[near])
             rows.append(self._runs(near, start, self.surface.patch[index]))
-            mesh = (self.surface.points, self.surface.triangles, index, *self.facets)
+            facets, balls = self.surface.facets
+            mesh = (facets, index, balls)
         entries = np.concatenate(rows)
-        self.entries = np.ascontiguousarray(entries[np.lexsort((entries[:, 1], entries[:, 0]))])
+        # one after the other along each element: what is known at the end of a cell is that at the beginning of the next
+        order = np.lexsort((entries[:, 0], entries[:, 1], self.cells.cells[entries[:, 0], 0]))
+        self.entries = np.ascontiguousarray(entries[order])
         self.obstacles = replace(self.obstacles, mesh=mesh)
         self.middle, self.radius, self.margin = middle, radius, margin
         self.allowed = np.maximum(margin, free)
@@ -371,8 +370,9 @@ class Near:
         for r, t, found in self._found:
             if r is state.r and t == time:
                 return found
-        middle, radius = self._balls(state)
-        if self.middle is None or (self._moved(middle, radius) > self.allowed).any():
+        pose = self.term.part.pose(time)
+        if self.middle is None or self.cells.strayed(state.r, *pose, self.middle, self.radius, self.allowed):
+            middle, radius = self.cells.balls(state.r, *pose)
             self.look_around(middle, radius, np.full(len(middle), MARGIN * self.term.radius))
         found = search(self.cells, self.entries, state.r, self.obstacles, *self.poses(time))
         self._found = [(state.r, time, found), *self._found[:2]]
@@ -415,9 +415,8 @@ class Near:
         cells = self.cells
         return min(
             alpha,
-            kernels.largest_step(
-                self.entries, cells.cells, cells.counts, cells.nodes, cells.coefficients, state.r, trial.r,
-                self.obstacles.at(*self.poses(self.time(state))), *self.poses(self.time(trial)), self.obstacles.mesh,
-                CLOSING, SPARE * self.term.range,
+            clearance.largest_step(
+                self.entries, cells.line, state.r, trial.r, self.obstacles.at(*self.poses(self.time(state))),
+                *self.poses(self.time(trial)), self.obstacles.mesh, CLOSING, SPARE * self.term.range,
             ),
         )  # fmt: skip

@@ -180,6 +180,10 @@ class RodContact:
         """Smallest distance [m] that was looked at, minus the one that is never reached."""
         return self._near(space).find(state).gap
 
+    def touched(self, state: State, space: Space) -> float:
+        """Length [m] of rod that is pressed."""
+        return float(self._near(space).find(state).rows[:, 1].sum())
+
     def overlaps(self, state: State, space: Space) -> list[str]:
         """What is wrong with a state at the start: rods inside each other."""
         near = self._near(space)

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..errors import check_number, check_positive
-from ..kernels.contact import COLUMNS, cell_balls, find, longest_chord
+from ..kernels.clearance import cell_balls, longest_chord, strayed
+from ..kernels.reach import COLUMNS, find
 from ..rod import Rod
 from ..space import Space, Touch
 
@@ -33,7 +35,7 @@ class Cells:
     radii (rods,); nodes (E, A): node numbers of elements; coefficients (A, A) of the shape functions in powers of xi - 1/2;
     h (E,) [m] length of each element, begin (E,) [m] where it begins on its rod; counts (E,): cells in it; cells (n, 2):
     element and number in it; rod_of (n,), bounds (rods, 2): rod of each cell, first and last cell of each rod; tips
-    (n, 2) [m]: see `kernels.contact.find`, at ends of rods and kinks; group, numbers (E,): where the elements are in the
+    (n, 2) [m]: see `kernels.reach.find`, at ends of rods and kinks; group, numbers (E,): where the elements are in the
     space.
     """
 
@@ -89,11 +91,20 @@ class Cells:
             space[rods[0]].group, np.concatenate(numbers),
         )  # fmt: skip
 
+    @cached_property
+    def line(self) -> tuple[np.ndarray, ...]:
+        """As `kernels.clearance` takes it."""
+        return self.cells, self.counts, self.nodes, self.coefficients
+
     def balls(self, r: np.ndarray, Q: np.ndarray = UNTURNED, c: np.ndarray = ORIGIN) -> tuple[np.ndarray, np.ndarray]:
         """Middle (n, 3) and radius (n,) [m] of a ball about each cell, in a frame."""
         middle, radius = np.empty((len(self.cells), 3)), np.empty(len(self.cells))
-        cell_balls(self.cells, self.counts, self.nodes, self.coefficients, r, Q, c, middle, radius)
+        cell_balls(self.line, r, Q, c, middle, radius)
         return middle, radius
+
+    def strayed(self, r: np.ndarray, Q: np.ndarray, c: np.ndarray, *known: np.ndarray) -> bool:
+        """True if a cell is farther from its known ball (middle, radius) than allowed (n,) [m], in a frame."""
+        return bool(strayed(self.line, r, Q, c, *known))
 
     def s_of(self, cell: np.ndarray, xi: np.ndarray) -> np.ndarray:
         """Arc length [m] of places xi in the elements of some cells."""
@@ -107,13 +118,13 @@ class Cells:
 
     def chord(self, r: np.ndarray) -> float:
         """Longest chord of a cell in radii of its rod."""
-        return longest_chord(self.cells, self.counts, self.nodes, self.coefficients, r, self.radii[self.rod_of])
+        return longest_chord(self.line, r, self.radii[self.rod_of])
 
 
 @dataclass(frozen=True, eq=False)
 class Obstacles:
     """What cells may meet: kinds (O,), sizes (O, 3), distances levels (O,) below which they press and cores (O,) that are
-    never reached; mesh and other rods as `kernels.shapes.triangles` and `kernels.strand` take them."""
+    never reached; mesh and other rods as `kernels.reach.find` takes them."""
 
     kinds: np.ndarray
     sizes: np.ndarray
@@ -148,13 +159,12 @@ def search(
     while True:
         rows, owners = np.empty((room, COLUMNS)), np.empty(room, dtype=np.int64)
         count, gap, where, place = find(
-            entries, cells.cells, cells.counts, cells.tips, cells.nodes, cells.coefficients, cells.h, r, obstacles.at(Q, c),
-            obstacles.mesh, obstacles.rods, room, rows, owners,
+            entries, cells.line, cells.tips, cells.h, r, obstacles.at(Q, c), obstacles.mesh, obstacles.rods, rows, owners,
         )  # fmt: skip
         if count <= room:
             break
         room = count
-    cell, obstacle = entries[owners[:count], 0], entries[owners[:count], 1]
+    cell, obstacle = entries[owners[:count], :2].T
     lowest = (int(entries[where, 0]), int(entries[where, 1]), place) if where >= 0 else (0, 0, 0.0)
     return Found(rows[:count], cells.cells[cell, 0], cell, obstacle, gap, lowest)
 

@@ -8,8 +8,10 @@ from numba import njit
 
 import cosserat_fem as cf
 from cosserat_fem.kernels import contact as kernels
+from cosserat_fem.kernels.clearance import far_from
+from cosserat_fem.kernels.reach import OUT
 from cosserat_fem.kernels.rotation import matrix_from_quaternion
-from cosserat_fem.kernels.shapes import closed_form, triangles
+from cosserat_fem.kernels.shapes import closed_form, facets, triangles
 from cosserat_fem.kernels.triangles import triangle_distance
 from cosserat_fem.space import Contact
 from helpers import write_obj
@@ -35,7 +37,7 @@ def shape_rows(kind, size, points, out):
 def mesh_rows(mesh, first, last, guesses, places, out):
     for k in range(len(places)):
         out[k, 17] = guesses[k]
-        triangles(mesh, first, last, places[k], out[k])
+        triangles(mesh[0], mesh[1], first, last, places[k], out[k])
 
 
 @njit
@@ -48,25 +50,25 @@ def laws(gaps, G, P, soft, start, out):
 @njit
 def friction(slips, mu, elastic, m, M):
     for k in range(len(slips)):
-        kernels.slide(slips[k], mu, elastic, m[k], M[k])
+        u = slips[k]
+        f, g = kernels.slide(u[0], u[1], u[2], mu, elastic)
+        for i in range(3):
+            m[k, i] = f * u[i]
+            for j in range(3):
+                M[k, i, j] = (f if i == j else 0.0) - g * u[i] * u[j]
 
 
 def rows_of(evaluate, places):
     """Distance (n,), gradient (n, 3), Hessian (n, 3, 3)."""
-    out = np.zeros((len(places), kernels.OUT))
+    out = np.zeros((len(places), OUT))
     evaluate(np.ascontiguousarray(places), out)
     return out[:, 0], out[:, 1:4], out[:, 4:13].reshape(-1, 3, 3)
 
 
 def mesh_of(corners):
-    """Triangles (F, 3, 3) as the kernel takes them: points, corners, index, balls about triangles, their widths."""
-    middle = corners.mean(axis=1)
-    radius = np.linalg.norm(corners - middle[:, None], axis=2).max(axis=1)
-    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    width = area / np.maximum(sides, 1e-300)
+    """Triangles (F, 3, 3) as the kernel takes them: facets, and which of them."""
     numbers = np.arange(3 * len(corners)).reshape(-1, 3)
-    return corners.reshape(-1, 3), numbers, np.arange(len(corners)), middle, radius, width
+    return facets(corners.reshape(-1, 3), numbers)[0], np.arange(len(corners))
 
 
 def check_derivatives(evaluate, places, step, tolerance):
@@ -84,10 +86,10 @@ def test_closed_form(name, rng):
     """Distance of `shapes`, unit gradient and Hessian, outside and inside."""
     shape = SHAPES[name]
     places = rng.uniform(-2, 2, (400, 3))
-    out = np.zeros((400, kernels.OUT))
+    out = np.zeros((400, OUT))
     distance = np.empty(400)
     shape_rows(shape.kind, shape.size, places, out)
-    kernels.far_from(shape.kind, shape.size, places, distance)
+    far_from(shape.kind, shape.size, places, distance)
     expected = shape.distance(places @ shape.frame.T + shape.origin)
     np.testing.assert_allclose(out[:, 0], expected, atol=1e-14)
     np.testing.assert_allclose(distance, expected, atol=1e-14)
@@ -119,7 +121,7 @@ def test_triangles(count, rng):
 
 
 def test_no_triangle_is_far():
-    out = np.zeros((1, kernels.OUT))
+    out = np.zeros((1, OUT))
     mesh_rows(mesh_of(np.eye(3)[None]), 0, 0, np.full(1, -1.0), np.zeros((1, 3)), out)
     assert out[0, 0] == np.inf
 
@@ -324,6 +326,20 @@ def test_rods_balance(angle, friction):
     term, model, state = crossing(angle, friction)
     g = residual(term, model, state)
     assert np.abs(total_load(model, state, g)).max() < 1e-12 * np.abs(g).max()
+
+
+def test_cells_that_stray(rng):
+    """True as soon as one ball about a cell has left its old place, or outgrown it, by more than it may."""
+    term, model = bent(cf.Plane((0, 0, -0.5), (0, 0, 1)))
+    state, cells, pose = model.initial_state(), term._near(model.space).cells, (np.eye(3), np.zeros(3))
+    middle, radius = cells.balls(state.r, *pose)
+    for size in (1e-6, 1e-3):
+        r = state.r + size * rng.normal(size=state.r.shape)
+        there, larger = cells.balls(r, *pose)
+        way = np.linalg.norm(there - middle, axis=1) + np.maximum(larger - radius, 0.0)
+        assert not cells.strayed(r, *pose, middle, radius, way * (1 + 1e-9))
+        k = int(rng.integers(len(way)))
+        assert cells.strayed(r, *pose, middle, radius, np.where(np.arange(len(way)) == k, way * (1 - 1e-9), way * 2))
 
 
 # stretches

@@ -1,0 +1,291 @@
+"""Where does a rod touch? Gauss points of the stretches on which the gap is below the range of the law.
+
+Rule: a rod is its centreline x(xi), a polynomial in each element, and a radius. Elements are cut into cells about a radius
+long. Along a cell the stretches in which the gap is below the range of the law are found exactly (roots of gap - range,
+split at the smallest gap), and each gets a Gauss rule of its own: a crossing whose patch is a tenth of a radius is
+integrated as well as a whole rod on a plane, and nothing jumps while a patch moves over cells or elements.
+
+Over a mesh a cell is cut into pieces about as long as a facet is wide. Only the facets that may be the nearest somewhere on
+a piece are looked at along it.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from . import fused, kernel, lean
+from .shapes import MESH, beyond, closed_form, over_facet, triangles
+from .strand import element_polynomial, nearest_on_strand, place_at
+
+# columns of a point: xi, weight, distance, n (3), H (9); of a point on another rod cell, xi, slope (3), second derivative
+# (3), and 1 if it is free to slide along
+COLUMNS, OUT = 24, 26
+MOST_PIECES = 32  # of a cell over small facets
+# pieces of a cell that may touch, so that each has one smallest gap; longest arc of a cell over its chord
+ON_STRAND, ON_SHAPE, BENT = 4, 2, 1.1
+FLAT = 1e-10  # of the range of the law: a change of the gap that does not count
+SLOW = 2  # steps in turn that do not halve the stretch on which the smallest gap is
+# Gauss rules on 0 .. 1: three points where a whole cell touches, two on its pieces, four on a stretch that begins or ends
+X_1, W_1 = np.array([0.0]), np.array([1.0])
+X_2, W_2 = np.array([0.21132486540518713, 0.7886751345948129]), np.array([0.5, 0.5])
+X_3, W_3 = (
+    np.array([0.1127016653792583, 0.5, 0.8872983346207417]),
+    np.array([0.27777777777777785, 0.4444444444444444, 0.27777777777777785]),
+)
+X_4, W_4 = (
+    np.array([0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970262]),
+    np.array([0.17392742256872679, 0.3260725774312732, 0.3260725774312732, 0.17392742256872679]),
+)
+
+
+@fused
+def look(C, xi, on, facets, rods, at):
+    """Distance and its derivatives at xi; out[13]: the derivative along the rod."""
+    kind, size, index, first, last = on
+    y, slope, out = at
+    place_at(C, xi, y, slope)
+    if rods is not None:
+        nearest_on_strand(y, rods, first, last, out)
+    elif facets is not None:
+        if kind == MESH:
+            triangles(facets, index, first, last, y, out)
+        else:
+            closed_form(kind, size, y, out)
+    else:
+        closed_form(kind, size, y, out)
+    out[13] = out[1] * slope[0] + out[2] * slope[1] + out[3] * slope[2]
+
+
+@fused
+def root(C, inside, outside, level, on, facets, rods, at):
+    """Where the distance equals `level`, between a place where it is below and one where it is not."""
+    a, b, out = inside, outside, at[2]
+    xi = 0.5 * (a + b)
+    for _ in range(80):
+        look(C, xi, on, facets, rods, at)
+        f = out[0] - level
+        if f < 0.0:
+            a = xi
+        else:
+            b = xi
+        step = f / out[13] if out[13] != 0.0 and f < np.inf else np.inf
+        new = xi - step
+        if not min(a, b) < new < max(a, b):
+            new = 0.5 * (a + b)
+        if abs(new - xi) < 1e-15 + 1e-13 * abs(inside - outside):
+            return new
+        xi = new
+    return xi
+
+
+@fused
+def lowest(C, a, b, fa, fb, flat, on, facets, rods, at):
+    """Place of the smallest distance, but for `flat`, between a and b, where the derivative fa < 0 < fb.
+
+    Goes where the last two derivatives say, if that is between a and b, or else half way: over an edge it is nearly a step.
+    """
+    x0, f0, x1, f1, out, slow = a, fa, b, fb, at[2], 0
+    for _ in range(60):
+        width = b - a
+        xi = x1 - f1 * (x1 - x0) / (f1 - f0)
+        if not a < xi < b or slow > SLOW:
+            xi = 0.5 * (a + b)
+        look(C, xi, on, facets, rods, at)
+        x0, f0, x1, f1 = x1, f1, xi, out[13]
+        if abs(f1) * width < flat:
+            break
+        if f1 < 0.0:
+            a = xi
+        else:
+            b = xi
+        slow = slow + 1 if b - a > 0.5 * width else 0
+    return x1
+
+
+@fused
+def add_stretch(C, a, b, h, X, W, Q, on, facets, rods, at, count, entry, rows, owners):
+    """Gauss points of the stretch a .. b as rows, turned by Q; returns the new count, which may exceed the room."""
+    if b - a <= 0.0:
+        return count
+    out = at[2]
+    for k in range(X.shape[0]):
+        if count < rows.shape[0]:
+            xi = a + (b - a) * X[k]
+            look(C, xi, on, facets, rods, at)
+            row = rows[count]
+            row[0], row[1], row[2] = xi, W[k] * (b - a) * h, out[0]
+            for i in range(3):
+                row[3 + i] = Q[i, 0] * out[1] + Q[i, 1] * out[2] + Q[i, 2] * out[3]
+            if rods is not None:
+                for i in range(9):
+                    row[15 + i] = out[17 + i]
+            else:
+                for i in range(3):
+                    h0 = Q[i, 0] * out[4] + Q[i, 1] * out[7] + Q[i, 2] * out[10]
+                    h1 = Q[i, 0] * out[5] + Q[i, 1] * out[8] + Q[i, 2] * out[11]
+                    h2 = Q[i, 0] * out[6] + Q[i, 1] * out[9] + Q[i, 2] * out[12]
+                    for j in range(3):
+                        row[6 + 3 * i + j] = h0 * Q[j, 0] + h1 * Q[j, 1] + h2 * Q[j, 2]
+            owners[count] = entry
+        count += 1
+    return count
+
+
+@lean
+def pieces_over(facets, index, n, length):
+    """Into how many pieces a cell is cut so that each lies over one facet: along every one the rod may come near."""
+    total = 0.0
+    for k in range(n):
+        total += facets[index[k], 26]
+    width = total / max(n, 1)
+    return int(min(max(np.ceil(2.0 * length / max(width, 1e-300)), 1.0), MOST_PIECES))
+
+
+@lean
+def shorten(balls, index, first, last, y, far, short):
+    """Write to `short` the triangles index[first:last] whose balls are nearer to y than `far`; how many."""
+    n = 0
+    for k in range(first, last):
+        if not beyond(balls, index[k], y, far):
+            short[n] = index[k]
+            n += 1
+    return n
+
+
+@lean
+def along_piece(facets, index, count, y, far, short):
+    """Write to `short` the triangles index[:count] that may be nearer to y than `far`; how many."""
+    n = 0
+    for k in range(count):
+        if over_facet(facets, index[k], y) <= far * far:
+            short[n] = index[k]
+            n += 1
+    return n
+
+
+@kernel
+def find(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners):
+    """Gauss points of all stretches on which an obstacle presses.
+
+    entries (M, 4): cell, obstacle, and where its triangles or the cells of its strand begin and end; line: see `clearance`;
+    tips (n, 2) [m]: length that counts at the very end of a rod or at a kink, where a cell begins or ends with it, so that
+    these are stopped like the rest; h (E,) [m]: lengths of elements. obstacles: kinds (O,), sizes (O, 3), frames Q
+    (O, 3, 3), c (O, 3), levels (O,): distances below which they press, cores (O,): distances that are never reached. mesh:
+    facets, the triangles that entries name, and balls, as `shapes.facets` makes them; rods: as `strand.nearest_on_strand`
+    takes them; None where there is none, which is another compiled version. rows (K, COLUMNS), owners (K,): written, as far
+    as there is room.
+    Returns (points wanted, smallest distance - core, its entry, its xi).
+    """
+    C = np.empty((line[2].shape[1], 3))
+    longest = 0
+    for m in range(entries.shape[0]):
+        longest = max(longest, entries[m, 3] - entries[m, 2])
+    lists = np.empty(longest, dtype=np.int64), np.empty(longest, dtype=np.int64)
+    at = np.empty(3), np.empty(3), np.empty(OUT)
+    return go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, lists, at)
+
+
+@lean
+def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, lists, at):
+    """What `find` does, with room for the polynomial of an element, lists of triangles, and a place with its distance."""
+    cells, counts, conn, coefficients = line
+    kinds, sizes, Q, c, levels, cores = obstacles
+    of_cell, of_piece = lists
+    y, slope, out = at
+    count, nearest, where, place, n_cell = 0, np.inf, -1, 0.0, 0
+    few, facets = of_cell, None
+    if mesh is not None:
+        facets, index, balls = mesh
+    e_before = o_before = cell_before = -1  # whose polynomial is known, and the distance at its end
+    g1 = f1 = 0.0
+    out[17] = -1.0
+    for m in range(entries.shape[0]):
+        cell, o, first, last = entries[m, 0], entries[m, 1], entries[m, 2], entries[m, 3]
+        e, number = cells[cell, 0], cells[cell, 1]
+        kind, size, level = kinds[o], sizes[o], levels[o]
+        if e != e_before or o != o_before:
+            element_polynomial(conn[e], coefficients, r, Q[o], c[o], C)
+        if rods is not None or o != o_before:
+            out[17] = -1.0
+        goes_on = rods is None and o == o_before and e == e_before and cell == cell_before + 1
+        e_before, o_before, cell_before = e, o, -1
+        begin, end = number / counts[e], (number + 1) / counts[e]
+        if mesh is not None and kind == MESH:
+            place_at(C, begin, y, slope)
+            y0, y1, y2 = y[0], y[1], y[2]
+            middle = 0.5 * (begin + end)
+            place_at(C, middle, y, slope)
+            half = BENT * sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
+            triangles(facets, index, 0, 0, y, out)  # the last nearest one alone, or none
+            n_cell = shorten(balls, index, first, last, y, out[0] + 2.0 * half, of_cell)
+            look(C, middle, (kind, size, of_cell, 0, n_cell), facets, rods, at)
+            if out[0] - half >= level and out[0] - half - cores[o] >= nearest:
+                continue
+            first, last, few = 0, n_cell, of_cell
+        on = (kind, size, few, first, last)
+        if goes_on:
+            gb, fb = g1, f1
+            place_at(C, begin, y, slope)
+        else:
+            look(C, begin, on, facets, rods, at)
+            gb, fb = out[0], out[13]
+        y0, y1, y2 = y[0], y[1], y[2]
+        look(C, end, on, facets, rods, at)
+        g1, f1, cell_before = out[0], out[13], cell
+        if mesh is not None and kind == MESH:
+            pieces = pieces_over(facets, of_cell, n_cell, h[e] / counts[e])
+        elif rods is None and gb < level and g1 < level:
+            pieces = 1
+        else:
+            chord = sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
+            pieces = (ON_STRAND if rods is not None else ON_SHAPE) if gb + g1 - BENT * chord < 2.0 * level else 1
+        b = begin
+        for piece in range(pieces):
+            a, ga, fa = b, gb, fb
+            b = begin + (end - begin) * (piece + 1) / pieces if piece + 1 < pieces else end
+            if mesh is not None and kind == MESH and pieces > 1:
+                place_at(C, a, y, slope)
+                y0, y1, y2 = y[0], y[1], y[2]
+                look(C, 0.5 * (a + b), (kind, size, of_cell, 0, n_cell), facets, rods, at)
+                half = BENT * sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
+                last, few = along_piece(facets, of_cell, n_cell, y, out[0] + 2.0 * half, of_piece), of_piece
+            on = (kind, size, few, first, last)
+            if piece + 1 < pieces:
+                look(C, b, on, facets, rods, at)
+                gb, fb = out[0], out[13]
+            else:
+                gb, fb = g1, f1
+            for k in range(2):  # of no length in itself
+                w = tips[cell, k]
+                if w > 0.0 and piece == (0 if k == 0 else pieces - 1) and (ga if k == 0 else gb) < level:
+                    xi = a if k == 0 else b
+                    count = add_stretch(
+                        C, xi, xi + w / h[e], h[e], X_1, W_1, Q[o], on, facets, rods, at, count, m, rows, owners
+                    )  # fmt: skip
+            bottom, g = a if ga < gb else b, min(ga, gb)
+            inner_minimum = fa < 0.0 < fb
+            if inner_minimum:
+                bottom = lowest(C, a, b, fa, fb, FLAT * (level - cores[o]), on, facets, rods, at)
+                g = min(g, out[0])
+            if g - cores[o] < nearest:
+                nearest, where, place = g - cores[o], m, bottom
+            if g >= level or (ga >= level and gb >= level and not inner_minimum):
+                continue
+            low, high = a, b
+            if ga >= level:
+                low = root(C, bottom, a, level, on, facets, rods, at)
+            if gb >= level:
+                high = root(C, bottom, b, level, on, facets, rods, at)
+            whole = ga < level and gb < level and not inner_minimum
+            middle = bottom if inner_minimum else low
+            X, W = X_4, W_4
+            if whole:
+                X, W = (X_3, W_3) if rods is None else (X_2, W_2)
+            for k in range(2):
+                count = add_stretch(
+                    C, low if k == 0 else middle, middle if k == 0 else high, h[e], X, W, Q[o], on, facets, rods, at, count,
+                    m, rows, owners,
+                )  # fmt: skip
+    return count, nearest, where, place
