@@ -38,7 +38,7 @@ LARGEST_TURN = 0.8  # rad in one guarded step
 FARTHEST = 0.2  # rod lengths in one step with contact
 SHORT = 0.05  # part of a guarded step; one cut to less was a bad one, and the shift grows
 PATIENCE, SHORTER = 4, (1.0, 0.5, 0.25, 0.1, 0.03)  # iterations without progress; parts of a step then tried
-ITERATIONS, TOUCHING = 20, 60  # of a plain solve, without and with contact
+ITERATIONS, TOUCHING, GUARDED = 20, 60, 150  # of a plain solve, without and with contact, and of a guarded one
 SMALLEST_SHIFT = 1e-6
 
 
@@ -60,7 +60,7 @@ class Solved:
 
     state: last iterate; total: its residual; reactions (supports, 6); residual: relative; where: node of the largest
     residual; negative: negative eigenvalues of the last tangent, -1 if not known; reason: empty if converged; pressed:
-    what contact does, once accepted.
+    what contact does, once accepted; guarded: whether the guarded method found it.
     """
 
     state: State
@@ -72,6 +72,7 @@ class Solved:
     iterations: int
     reason: str = ""
     pressed: tuple[Pressed, ...] = ()
+    guarded: bool = False
 
     @property
     def converged(self) -> bool:
@@ -105,19 +106,28 @@ class Newton:
     ) -> Solved:
         """Full steps. targets: of the supports, default those of the state's time; offset (N, 6): added to the residual."""
         if self.compiled is not None:
-            answer = self.compiled.solve(state, targets, offset, iterations or ITERATIONS, RESIDUAL, guarded=False)
-            return self._told(answer, RESIDUAL)
+            most = iterations or ITERATIONS
+            return self._told(self.compiled.solve(state, targets, offset, RESIDUAL, plain=most, guarded=0), RESIDUAL)
         return self._solve(state, targets, offset, iterations, guarded=False)
 
     def guarded(
-        self, state: State, *, targets: Targets | None = None, offset: np.ndarray | None = None, iterations: int = 150
+        self, state: State, *, targets: Targets | None = None, offset: np.ndarray | None = None, iterations: int = GUARDED
     ) -> Solved:
         """Shifted, rotation-limited steps towards a stable state."""
-        self.counters.guarded += 1
         if self.compiled is not None:
-            answer = self.compiled.solve(state, targets, offset, iterations, RESIDUAL, guarded=True)
-            return self._told(answer, RESIDUAL)
+            return self._told(self.compiled.solve(state, targets, offset, RESIDUAL, plain=0, guarded=iterations), RESIDUAL)
+        self.counters.guarded += 1
         return self._solve(state, targets, offset, iterations, guarded=True)
+
+    def settled(self, state: State, *, targets: Targets | None = None, offset: np.ndarray | None = None) -> Solved:
+        """`plain`; where that fails `guarded` from the same state."""
+        if self.compiled is not None:
+            answer = self.compiled.solve(state, targets, offset, RESIDUAL, plain=ITERATIONS, guarded=GUARDED)
+            return self._told(answer, RESIDUAL)
+        solved = self.plain(state, targets=targets, offset=offset)
+        if solved.converged:
+            return solved
+        return replace(self.guarded(state, targets=targets, offset=offset), guarded=True)
 
     def accepted(self, solved: Solved, *, in_time: bool = False) -> Solved:
         """The same with the memory of contact renewed, as the start of what follows."""
@@ -147,10 +157,11 @@ class Newton:
     def _told(self, answer: Answer, tolerance: float, *, in_time: bool = False) -> Solved:
         """Count what a compiled solve did, and say it as the loop does."""
         self.count(answer.solves, answer.checks)
+        self.counters.guarded += answer.guarded
         reactions = NO_REACTIONS if in_time else self.model.constraints.reactions(answer.state, answer.g)
         return Solved(
             answer.state, Sum(answer.g, 0.0, 0.0), reactions, tolerance * answer.residual, answer.where, answer.negative,
-            answer.iterations, answer.reason,
+            answer.iterations, answer.reason, (), answer.guarded,
         )  # fmt: skip
 
     def _solve(
