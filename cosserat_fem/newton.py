@@ -3,7 +3,8 @@
 Rule: an iteration is: sum of terms, linear system, new stress memory, new state. Convergence is judged on the true
 residual (with the stresses of the current strains, never the memory) on the free unknowns, relative to the section
 forces and moments in the rods, and on the gaps of the supports. The floors are the round-off of the strains, so the
-same digits come out in mm and in m. A residual a little above its floor counts when another step did not lower it.
+same digits come out in mm and in m. A residual a little above its floor counts when another step did not lower it, or
+when the last increment was so small that another could not: at rest the square of TINY is round-off.
 
 `plain` takes full steps. `guarded` adds mu * shift to the matrix until it has no negative eigenvalue, and shortens a
 step in which a node would turn by more than 0.8 rad: it goes downhill in energy and ends in a stable state, so it must
@@ -32,6 +33,10 @@ from .terms.touch import Pressed
 RESIDUAL = 1e-11  # relative
 ROUND_OFF = 2 * np.finfo(float).eps
 STAGNANT = 32.0  # residual in units of the tolerance, accepted when a small step no longer halves it
+TINY, FELL = (
+    1e-8,
+    1e-3,
+)  # an increment [rad, rod lengths] after which only round-off is left, if the residual fell by so much
 LINEAR = "linear systems"  # where CPU time is booked besides terms
 NO_REACTIONS = np.empty((0, 6))
 LARGEST_TURN = 0.8  # rad in one guarded step
@@ -111,11 +116,18 @@ class Newton:
         return self._solve(state, targets, offset, iterations, guarded=False)
 
     def guarded(
-        self, state: State, *, targets: Targets | None = None, offset: np.ndarray | None = None, iterations: int = GUARDED
+        self,
+        state: State,
+        *,
+        targets: Targets | None = None,
+        offset: np.ndarray | None = None,
+        iterations: int = GUARDED,
     ) -> Solved:
         """Shifted, rotation-limited steps towards a stable state."""
         if self.compiled is not None:
-            return self._told(self.compiled.solve(state, targets, offset, RESIDUAL, plain=0, guarded=iterations), RESIDUAL)
+            return self._told(
+                self.compiled.solve(state, targets, offset, RESIDUAL, plain=0, guarded=iterations), RESIDUAL
+            )
         self.counters.guarded += 1
         return self._solve(state, targets, offset, iterations, guarded=True)
 
@@ -183,7 +195,7 @@ class Newton:
         negative, residual, before, where, k, cheap = -1, np.inf, np.inf, 0, 0, False
         symmetric = model.symmetric  # of the last tangent
         best, stalled = np.inf, 0
-        small = near = False  # the last increment; the one before the last factorisation
+        small = tiny = near = False  # the last increment; the one before the last factorisation
         total = Sum(np.zeros((model.space.n_nodes, 6)), 0.0, 0.0)
 
         def stop(reason: str = "") -> Solved:
@@ -216,7 +228,8 @@ class Newton:
             residual, where = self.measure(state, total, held, step, tolerance)
             if not residual < np.inf:
                 return stop("the residual is not a finite number")
-            met = residual <= 1.0 or (small and 0.5 * before < residual <= STAGNANT)
+            stays = (small and residual > 0.5 * before) or (tiny and residual < FELL * before)
+            met = residual <= 1.0 or (stays and residual <= STAGNANT)
             reached = k > 0 and met and self.closed(held) and (approach is None or approach.arrived(state))
             if reached:
                 return stop()
@@ -272,6 +285,7 @@ class Newton:
             state = replace(moved, stress=stress)
             k, before = k + 1, residual
             small = turn < 1e-3 and shift < 1e-3 * model.scales["length"]
+            tiny = step is None and approach is None and turn < TINY and shift < TINY * model.scales["length"]
             cheap = scale == 1.0 and small and mu <= SMALLEST_SHIFT
             if guarded and scale == 1.0:
                 mu = mu / 4.0 if mu >= 4e-3 else SMALLEST_SHIFT

@@ -1,46 +1,27 @@
 """From a state in space to the equilibrium of a model at rest, in one compiled call.
 
 To hand an array over to compiled code costs a third of a microsecond, and a model has about fifty of them: as much as two
-iterations of a few elements. What is the same for every solve of a model, tables and scratch, is therefore handed over as
-one object, `Kept`, made once; what changes comes in arrays and goes out in arrays of the caller. The scratch holds nothing
+iterations of a few elements. Rule: what is the same for every solve of a model, tables and scratch, is handed over as one
+object, `Kept`, made once; what changes comes in arrays and goes out in arrays of the caller. The scratch holds nothing
 between two calls, and a call is not interrupted by another thread of Python: solves of one model may alternate.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import types
-from numba.experimental import structref
 
-from . import inner, kernel, planar
+from . import Kept, inner, kernel, planar
 from .step import CONVERGED, copy_memory, copy_rows, newton
-
-
-@structref.register
-class KeptType(types.StructRef):
-    """Type of `Kept`, by the types of its fields."""
-
-    def preprocess_fields(self, fields: Any) -> Any:
-        return tuple((name, types.unliteral(kind)) for name, kind in fields)
-
-
-class Kept(structref.StructRefProxy):
-    """What a model keeps for its solves at rest.
-
-    beam, linear: as of `step.newton`; rows: nodes, left, right, held, owner of special vertices; followers: leader and its
-    support of welded ones; frame: axes, base, node, across, normal as of `planar.enter` and the height of the nodes, or None
-    in space; scratch: nodal, du, R, gap; r, q, sigma, g of the iterate; place and attitude of the supports.
-    """
-
-
-structref.define_proxy(Kept, KeptType, ["beam", "linear", "rows", "followers", "frame", "scratch"])
 
 
 @kernel
 def keep(beam, linear, rows, followers, frame, scratch):
-    """A `Kept`; made by a kernel because its own constructor would be compiled at every start."""
+    """What a model keeps for its solves at rest.
+
+    beam, linear: as of `step.newton`. rows: nodes, left, right, held, owner of special vertices. followers: leader and its
+    support of welded ones. frame: axes, base, node, across, normal as of `planar.enter` and the height of the nodes, or None
+    in space. scratch: nodal, du, R, gap; r, q, sigma, g of the iterate; place and attitude of the supports in a plane.
+    """
     return Kept(beam, linear, rows, followers, frame, scratch)
 
 
@@ -72,7 +53,7 @@ def into_space(frame, flat, p, sigma, flat_g, r, q, stress, g):
 def settle(size, space, plane, kept, targets, loads, offset, limits, controls, r, q, stress, g):
     """Equilibrium from a state by the plain Newton method, the guarded one, or the guarded one where the plain one fails.
 
-    kept: see `Kept`. targets: place (n, 3) and attitude (n, 4) of the supports, T (M, d, d) or empty. loads: nodes, force,
+    kept: see `keep`. targets: place (n, 3) and attitude (n, 4) of the supports, T (M, d, d) or empty. loads: nodes, force,
     moment, kinds, whether any depends on the attitude, whether any has a tangent, and what each adds (L, d), written.
     offset (N, d) or empty, limits: as of `step.newton`. controls: iterations of the plain and of the guarded method, 0 to
     leave it out; symmetric. r (N, 3), q (N, 4), stress (P, Q, 6 * LANES): the start, then the last iterate. g (N, 6): its

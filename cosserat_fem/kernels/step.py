@@ -28,6 +28,7 @@ CONVERGED, NOT_FINITE, TOO_MANY, SINGULAR, DIVERGES, INDEFINITE, FORCES = 0, 1, 
 STAGNANT = 32.0
 NEARLY = 2e-3  # of the diagonal: an asymmetry that slows the iteration down by less than it costs
 SMALLEST_SHIFT, LARGEST_SHIFT = 1e-6, 1e12
+TINY, FELL = 1e-8, 1e-3  # an increment after which only round-off is left, if the residual fell by so much
 LARGEST_TURN = 0.8  # rad in one guarded step
 FASTEST = 2.0  # rad in one step in time
 GROWTH = 4.0  # a step longer than this many of the last one starts with b = a
@@ -259,7 +260,7 @@ def newton(
     in_time = inertia[0].shape[0] > 0
     no_nodal, r0, left = nodal[:0], inertia[2], np.empty_like(g)
     done = checks = solves = 0
-    before, small, near, cheap = np.inf, False, False, False
+    before, small, tiny, near, cheap = np.inf, False, False, False, False
     value, where, negative, mu = np.inf, 0, -1, SMALLEST_SHIFT if guarded else 0.0
     while True:
         g[:] = 0.0
@@ -291,7 +292,9 @@ def newton(
         if not value < np.inf:
             return NOT_FINITE, done, solves, checks, value, where, negative
         shift, turn = find_gap(size, space, plane, held, r, q, gap)
-        met = value <= 1.0 or (small and 0.5 * before < value <= STAGNANT)
+        met = value <= 1.0 or (
+            value <= STAGNANT and ((small and value > 0.5 * before) or (tiny and value < FELL * before))
+        )
         if done > 0 and met and shift <= closed and turn <= 1e-11:
             if not np.isfinite(F + M):
                 return FORCES, done, solves, checks, value, where, negative
@@ -350,6 +353,7 @@ def newton(
         done += 1
         before = value
         small = turn < 1e-3 and shift < 1e-3 * length
+        tiny = not in_time and turn < TINY and shift < TINY * length
         cheap = scale == 1.0 and small and mu <= SMALLEST_SHIFT
         if guarded and scale == 1.0:
             mu = mu / 4.0 if mu >= 4e-3 else SMALLEST_SHIFT
