@@ -328,8 +328,8 @@ def border(model: Model) -> SpaceBorder:
 class Shared:
     """Tables and scratch of a model for all its compiled solves.
 
-    The scratch holds nothing between two calls, and a call is not interrupted by another thread: solves that alternate or run
-    in threads may share it. What a caller asks for after a call stands in arrays of its own.
+    The scratch holds nothing between two calls, and a call is not interrupted by another thread: solves that alternate or
+    run in threads may share it. What a caller asks for after a call stands in arrays of its own.
     """
 
     def __init__(self, model: Model) -> None:
@@ -401,12 +401,13 @@ class Compiled:
         return self.border.in_space(self.each, self._nodes)
 
     def solve(
-        self, state: State, targets: Targets | None, offset: np.ndarray | None, tolerance: float, *, plain: int, guarded: int
+        self, state: State, targets: Targets | None, offset: np.ndarray | None, tolerance: float, *, plain: int,
+        guarded: int,
     ) -> Answer:  # fmt: skip
         """Equilibrium from a state by the plain method; where that fails, or at once, by the guarded one.
 
-        targets: of the supports, default those of its time; offset (N, 6): added to g; plain, guarded: most iterations of each
-        method, 0 to leave it out.
+        targets: of the supports, default those of its time; offset (N, 6): added to g; plain, guarded: most iterations of
+        each method, 0 to leave it out.
         """
         b, shared = self.border, self._shared
         (table, tangent), places = self.table(state.t), b.places(state.t, targets)
@@ -419,7 +420,7 @@ class Compiled:
         )  # fmt: skip
         self.model.spend(COMPILED, since)
         found = State(state.t, r, q, (stress,), None, state.velocity, state.slope)
-        reason = status and REASONS[status].format(guarded if used else plain) or ""
+        reason = REASONS[status].format(guarded if used else plain) if status else ""
         return Answer(found, g, k, solves, checks, residual, where, negative, reason, used)
 
     def step(self, guess: State, moved: np.ndarray, step: InertiaStep, tolerance: float) -> Answer:

@@ -129,7 +129,7 @@ class Newton:
                 self.compiled.solve(state, targets, offset, RESIDUAL, plain=0, guarded=iterations), RESIDUAL
             )
         self.counters.guarded += 1
-        return self._solve(state, targets, offset, iterations, guarded=True)
+        return replace(self._solve(state, targets, offset, iterations, guarded=True), guarded=True)
 
     def settled(self, state: State, *, targets: Targets | None = None, offset: np.ndarray | None = None) -> Solved:
         """`plain`; where that fails `guarded` from the same state."""
@@ -137,9 +137,7 @@ class Newton:
             answer = self.compiled.solve(state, targets, offset, RESIDUAL, plain=ITERATIONS, guarded=GUARDED)
             return self._told(answer, RESIDUAL)
         solved = self.plain(state, targets=targets, offset=offset)
-        if solved.converged:
-            return solved
-        return replace(self.guarded(state, targets=targets, offset=offset), guarded=True)
+        return solved if solved.converged else self.guarded(state, targets=targets, offset=offset)
 
     def accepted(self, solved: Solved, *, in_time: bool = False) -> Solved:
         """The same with the memory of contact renewed, as the start of what follows."""

@@ -24,7 +24,7 @@ import numpy as np
 from .arclength import FIRST, Path, Time
 from .errors import ConvergenceError, SceneError, check_integer, check_number, check_shape
 from .history import History, Record
-from .kernels.rotation import multiply, quaternion_from_vector, relative_rotation
+from .kernels.rotation import relative_rotation, rotate_bodies
 from .march import Clock, March, Resolution
 from .model import Model
 from .newton import Newton, Solved
@@ -327,7 +327,8 @@ def _extrapolated(before: State, state: State, t: float) -> State:
     r = state.r + part * (state.r - before.r)
     if state.angles is not None and before.angles is not None:
         return state.at_time(t)
-    q = multiply(state.q, quaternion_from_vector(part * relative_rotation(before.q, state.q)))
+    q = np.empty_like(state.q)
+    rotate_bodies(state.q, part * relative_rotation(before.q, state.q), q)
     return State(t, r, q, stress)
 
 
