@@ -17,6 +17,7 @@ Source: Riks (1979), doi 10.1016/0020-7683(79)90081-7; Keller (1977); with the m
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
@@ -194,8 +195,11 @@ class Path:
 
     def apart(self, a: State, b: State) -> float:
         """Length between two states, without the value."""
-        du = np.concatenate([b.r - a.r, relative_rotation(a.q, b.q)], axis=1)
-        return float(np.sqrt((self.weights * du * du).sum()))
+        du = np.empty_like(self.weights)
+        du[:, :3] = b.r - a.r
+        du[:, 3:] = relative_rotation(a.q, b.q)
+        du *= du
+        return math.sqrt(np.vdot(self.weights, du))
 
     def predicted(self, point: Point, ds: float) -> tuple[State, float]:
         """State and value a length ds further in the direction of a point."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from time import thread_time
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -20,6 +20,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from .constraint import Targets
 from .kernels import chain, planar
 from .kernels.beam import LANES
+from .kernels.rest import keep, settle
 from .kernels.step import newton, run_steps
 from .linear import segments_of
 from .model import Model
@@ -41,10 +42,9 @@ Tables = tuple[Any, ...]
 Nodes = np.ndarray | slice
 
 
-@dataclass(frozen=True, eq=False)
-class Answer:
+class Answer(NamedTuple):
     """What a call found: state, residual g (N, 6), iterations, solves, residual evaluations, residual in units of the
-    tolerance and its node, negative eigenvalues or -1, reason (empty if converged)."""
+    tolerance and its node, negative eigenvalues or -1, reason (empty if converged), whether the guarded method found it."""
 
     state: State
     g: np.ndarray
@@ -55,6 +55,7 @@ class Answer:
     where: int
     negative: int
     reason: str
+    guarded: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +106,7 @@ class SpaceBorder:
         self.rows = (c.nodes, c.left, c.right, self.held_rows(), c.owner)
         self.followers = (c.lead, c.lead_row)
         self._still = None if c.moving_parts else self._holds(c.targets(0.0))
+        self._stands = None if c.moving_parts else self._places(c.targets(0.0))
         self.tables = self.project(group.tables)
 
     def held_rows(self) -> np.ndarray:
@@ -135,7 +137,25 @@ class SpaceBorder:
         return self._still or self._holds(self.model.constraints.targets(t))
 
     def _holds(self, targets: Targets) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return targets.place, targets.quaternion, NO_FRAMES
+        return targets.place, targets.quaternion, self._frames(targets)
+
+    def _frames(self, targets: Targets) -> np.ndarray:
+        """Frames T (M, d, d) of the special vertices, or none."""
+        return NO_FRAMES
+
+    def places(self, t: float, targets: Targets | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As `holds`, but place (n, 3) and attitude (n, 4) in space."""
+        if targets is not None:
+            return self._places(targets)
+        return self._stands or self._places(self.model.constraints.targets(t))
+
+    def _places(self, targets: Targets) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return targets.place, targets.quaternion, self._frames(targets)
+
+    @property
+    def frame(self) -> tuple[Any, ...] | None:
+        """What translates between the plane and space, as `kernels.rest` takes it."""
+        return None
 
     def loads(self, table: NodalLoads) -> tuple[Any, ...]:
         """Nodes, force, moment, kinds, whether any depends on the attitude; and whether any has a tangent."""
@@ -247,26 +267,42 @@ class PlaneBorder(SpaceBorder):
         place, turned = np.empty((*r.shape[:2], 3)), np.empty((*q.shape[:2], 4))
         stress = np.empty((*sigma.shape[:3], 6 * LANES))
         place[..., self.plane.axes[2]] = self.plane.height
-        planar.leave(*self._place, r, q, sigma, place, turned, stress)
+        planar.leave_all(*self._place, r, q, sigma, place, turned, stress)
         return super().give_all(state, times, place, turned, stress)
 
     def holds(self, t: float, targets: Targets | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        self._check_poses(t)
+        return super().holds(t, targets)
+
+    def places(self, t: float, targets: Targets | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        self._check_poses(t)
+        return super().places(t, targets)
+
+    def _check_poses(self, t: float) -> None:
+        """SceneError if a motion that could not be checked before leaves the plane."""
         if self.plane.watched:
             for part in self.model.constraints.moving_parts:
                 self.plane.check_pose(part, t)
-        return super().holds(t, targets)
 
     def _holds(self, targets: Targets) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         plane, c = self.plane, self.model.constraints
-        T = NO_FRAMES
-        if self._slides:
-            T = np.tile(np.eye(3), (len(c.nodes), 1, 1))
-            for row, columns in self._slides.items():
-                T[row, :2, :2] = targets.axes[row][list(plane.axes[:2])][:, columns]
-            for k, row in enumerate(c.lead_row):
-                if row >= 0:
-                    T[c.n_supports + k] = T[row]
-        return plane.flat(targets.place), plane.numbers(targets.quaternion, c.support_node), T
+        return plane.flat(targets.place), plane.numbers(targets.quaternion, c.support_node), self._frames(targets)
+
+    def _frames(self, targets: Targets) -> np.ndarray:
+        if not self._slides:
+            return NO_FRAMES
+        c, axes = self.model.constraints, list(self.plane.axes[:2])
+        T = np.tile(np.eye(3), (len(c.nodes), 1, 1))
+        for row, columns in self._slides.items():
+            T[row, :2, :2] = targets.axes[row][axes][:, columns]
+        for k, row in enumerate(c.lead_row):
+            if row >= 0:
+                T[c.n_supports + k] = T[row]
+        return T
+
+    @property
+    def frame(self) -> tuple[Any, ...] | None:
+        return (*self._place, self.plane.height)
 
     def loads(self, table: NodalLoads) -> tuple[Any, ...]:
         force, moment = self.plane.loads(table)
@@ -298,48 +334,75 @@ def border(model: Model) -> SpaceBorder:
     return SpaceBorder(model) if model.plane is None else PlaneBorder(model)
 
 
-class Compiled:
-    """Newton solves of one model, each in one compiled call. Holds scratch: reused over calls, never shared."""
+class Shared:
+    """Tables and scratch of a model for all its compiled solves.
+
+    The scratch holds nothing between two calls, and a call is not interrupted by another thread: solves that alternate or
+    run in threads may share it. What a caller asks for after a call stands in arrays of its own.
+    """
 
     def __init__(self, model: Model) -> None:
-        self.model, self.border = model, model.remember(border)
-        b, space = self.border, model.space
-        d, N, E = len(b.size), space.n_nodes, b.group.n_elements
-        self._with_joints = b.n_joints > 0
+        b = self.border = model.remember(border)
+        d, N, E, M = len(b.size), model.space.n_nodes, b.group.n_elements, b.n_joints
         inner = d * (b.group.order - 1)
         n = inner + 2 * d
         self.linear = (
             np.empty((E, 2 * d, 2 * d)), np.empty((E, 2 * d)), np.empty((len(b.beam[0]), inner * (n + 1) * LANES)),
-            b.segments, np.empty((b.n_vertices, d, 2 * d + 1 if self._with_joints else d + 1)),
+            b.segments, np.empty((b.n_vertices, d, 2 * d + 1 if M > 0 else d + 1)),
             np.empty((len(b.segments), 2 * d, 2 * d)), np.empty((len(b.segments), 2 * d)),
-            b.joint_nodes, b.joint_index, np.empty((d * b.n_joints, 2 * b.half + 1)), np.empty((b.n_joints, d)),
+            b.joint_nodes, b.joint_index, np.empty((d * M, 2 * b.half + 1)), np.empty((M, d)),
         )  # fmt: skip
-        self._arrays, self._du = np.empty((1, N, d)), np.empty((N, d))
-        self._nodal = np.empty((N, d, d))
-        self._gap = np.empty((len(b.rows[0]), d))
-        self._R = np.empty((N, 3, 3) if d == 6 else (0, 3, 3))
-        self.each = np.empty((0, d))
-        self._table: tuple[Any, ...] | None = None
-        self._nodes = NO_NODES
+        self.nodal, self.du, self.gap = np.empty((N, d, d)), np.empty((N, d)), np.empty((len(b.rows[0]), d))
+        self.R = np.empty((N, 3, 3) if d == 6 else (0, 3, 3))
+        self.symmetric = b.symmetric
         s = model.scales
         noise = ROUND_OFF * s["axial"] * s["size"] / s["smallest"]
-        self._noise = noise, noise * s["element"] + ROUND_OFF * s["bending"] / s["smallest"]
-        self._scales = s["length"], s["element"], s["size"], s["bending"] / s["element"]
+        self.noise = noise, noise * s["element"] + ROUND_OFF * s["bending"] / s["smallest"]
+        self.scales = s["length"], s["element"], s["size"], s["bending"] / s["element"]
+        self.limits = s["length"], s["element"], *self.noise, 1e-12 * s["size"], s["bending"] / s["element"]  # at rest
+        self.steady = all(getattr(term, "steady", False) for term in model.terms)
+        self.table: tuple[Any, np.ndarray] | None = None  # loads that never change, and their nodes
+        r, q, sigma = b.take(model.initial_state())
+        place, attitude = np.empty((2, len(model.supports), 2))
+        self.kept = keep(
+            (*b.beam, *b.tables, b.owner, b.shift), self.linear, b.rows, b.followers, b.frame,
+            (self.nodal, self.du, self.R, self.gap, r, q, sigma, np.empty((N, d)), place, attitude),
+        )  # fmt: skip
+
+
+class Compiled:
+    """Newton solves of one model, each in one compiled call. Of its own it has what the last call added: never shared."""
+
+    def __init__(self, model: Model) -> None:
+        self.model, self._shared = model, model.remember(Shared)
+        shared = self._shared
+        self.border, self.linear = shared.border, shared.linear
+        self._nodal, self._du, self._gap, self._R = shared.nodal, shared.du, shared.gap, shared.R
+        self._noise, self._scales = shared.noise, shared.scales
+        self.each = np.empty((0, len(self.border.size)))
+        self._table: tuple[Any, ...] | None = None
+        self._nodes = NO_NODES
 
     def table(self, t: float) -> tuple[tuple[Any, ...], bool]:
         """All loads at a time, see `SpaceBorder.loads`."""
         if self._table is None:
-            terms: Sequence[Any] = self.model.terms
-            loads = [term.table(t, self.model.space) for term in terms] or [NO_LOADS]
-            columns = ([getattr(load, name) for load in loads] for name in ("nodes", "force", "moment", "kinds"))
-            whole = NodalLoads(*(column[0] if len(column) == 1 else np.concatenate(column) for column in columns))
-            table, self._nodes = self.border.loads(whole), whole.nodes
-            if len(self.each) != len(whole.nodes):
-                self.each = np.empty((len(whole.nodes), len(self.border.size)))
-            if not all(getattr(term, "steady", False) for term in terms):
+            shared = self._shared
+            table, self._nodes = shared.table or self._tabulate(t)
+            if len(self.each) != len(self._nodes):
+                self.each = np.empty((len(self._nodes), len(self.border.size)))
+            if not shared.steady:
                 return table
+            shared.table = table, self._nodes
             self._table = table
         return self._table
+
+    def _tabulate(self, t: float) -> tuple[tuple[tuple[Any, ...], bool], np.ndarray]:
+        """Loads at a time as `SpaceBorder.loads` has them, and their nodes."""
+        terms: Sequence[Any] = self.model.terms
+        loads = [term.table(t, self.model.space) for term in terms] or [NO_LOADS]
+        columns = ([getattr(load, name) for load in loads] for name in ("nodes", "force", "moment", "kinds"))
+        whole = NodalLoads(*(column[0] if len(column) == 1 else np.concatenate(column) for column in columns))
+        return self.border.loads(whole), whole.nodes
 
     @property
     def loads(self) -> np.ndarray:
@@ -347,20 +410,27 @@ class Compiled:
         return self.border.in_space(self.each, self._nodes)
 
     def solve(
-        self, state: State, targets: Targets | None, offset: np.ndarray | None, iterations: int, tolerance: float, *,
-        guarded: bool,
+        self, state: State, targets: Targets | None, offset: np.ndarray | None, tolerance: float, *, plain: int,
+        guarded: int,
     ) -> Answer:  # fmt: skip
-        """Equilibrium from a state. targets: of the supports, default those of its time; offset (N, 6): added to g."""
-        b, D = self.border, self._arrays[0]
-        r, q, sigma = b.take(state)
-        rest = (NO_MASS, NO_OFFSET, r, q, D, D, D, NO_COEFFICIENTS, NO_NODES, NO_OFFSET, NO_OFFSET)
-        table, tangent = self.table(state.t)
-        nodal = self._nodal if tangent else self._nodal[:0]
+        """Equilibrium from a state by the plain method; where that fails, or at once, by the guarded one.
+
+        targets: of the supports, default those of its time; offset (N, 6): added to g; plain, guarded: most iterations of
+        each method, 0 to leave it out.
+        """
+        b, shared = self.border, self._shared
+        (table, tangent), places = self.table(state.t), b.places(state.t, targets)
         extra = NO_OFFSET if offset is None else b.rates(offset)
-        return self._call(
-            state, (r, q, sigma), targets, b.tables, rest, table, extra, (iterations, guarded, b.symmetric, 1),
-            (tolerance, (0.0, 0.0)), NO_OFFSET, nodal, (D, D, D, D),
+        r, q, stress, g = state.r.copy(), state.q.copy(), state.stress[0].copy(), np.empty((len(state.r), 6))
+        since = thread_time()
+        status, k, solves, checks, residual, where, negative, used = settle(
+            b.size, *b.kind, shared.kept, places, (*table, tangent, self.each), extra,
+            (tolerance, *shared.limits), (plain, guarded, shared.symmetric), r, q, stress, g,
         )  # fmt: skip
+        self.model.spend(COMPILED, since)
+        found = State(state.t, r, q, (stress,), None, state.velocity, state.slope)
+        reason = REASONS[status].format(guarded if used else plain) if status else ""
+        return Answer(found, g, k, solves, checks, residual, where, negative, reason, used)
 
     def step(self, guess: State, moved: np.ndarray, step: InertiaStep, tolerance: float) -> Answer:
         """End of a time step, from a predicted state that has moved by `moved` (N, 3); fills the rates of `step`."""
@@ -445,8 +515,8 @@ class Compiled:
         frames, since = b.holds(times[0], None)[2], thread_time()
         made, iterations, checks, n_kept = run_steps(
             b.size, *b.kind, (*b.beam, *b.tables, b.owner, b.shift), self.linear, (*b.rows, frames, *b.followers), places,
-            inertia, loads, self._limits(tolerance, (0.0, 0.0)), method, (start.h, lengths, load_of, place_of, keep), state,
-            np.zeros(L + 1), kept, scratch,
+            inertia, loads, self._limits(tolerance, (0.0, 0.0)), (20, False, False, 1), method,
+            (start.h, lengths, load_of, place_of, keep), state, np.zeros(L + 1), kept, scratch,
         )  # fmt: skip
         self.model.spend(COMPILED, since)
         place, turned, memory = kept[:3]

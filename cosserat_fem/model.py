@@ -190,6 +190,7 @@ class Model:
     def with_terms(self, terms: Sequence[Term]) -> Model:
         """The same rods and supports with other terms."""
         other = copy(self)
+        other.__dict__.pop("parts", None)
         other.terms = tuple(terms)
         other.contacts = tuple(term for term in terms if getattr(term, "contact", False))
         other.symmetric = all(term.symmetric for term in terms)
@@ -320,7 +321,7 @@ class Model:
                 marks[rod].append(s)
         return [marks[rod] for rod in self.rods]
 
-    @property
+    @cached_property
     def parts(self) -> list[Part]:
         """Parts that hold or touch something, in order of appearance."""
         touched = [term.part for term in self.contacts if hasattr(term, "part")]
@@ -579,8 +580,9 @@ class Model:
             sets.append((rods, rows))
         return sets
 
-    def check_spans(self, times: Sequence[float] | np.ndarray) -> None:
-        """Warn where two supports of a rod come further apart than the cable between them is long."""
+    @cached_property
+    def _spans(self) -> list[tuple[Rod, float, int, int]]:
+        """Each rod between two supports that hold its place: length [m] in between, their numbers."""
         pairs = []
         for rod in self.rods:
             held = sorted(
@@ -589,6 +591,11 @@ class Model:
                 if h.rod is rod and h.held[:3].all()
             )
             pairs += [(rod, b[0] - a[0], a[1], b[1]) for a, b in pairwise(held)]
+        return pairs
+
+    def check_spans(self, times: Sequence[float] | np.ndarray) -> None:
+        """Warn where two supports of a rod come further apart than the cable between them is long."""
+        pairs = self._spans
         if not pairs:
             return
         places = [self.constraints.targets(float(t)).place for t in times]

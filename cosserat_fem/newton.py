@@ -3,7 +3,8 @@
 Rule: an iteration is: sum of terms, linear system, new stress memory, new state. Convergence is judged on the true
 residual (with the stresses of the current strains, never the memory) on the free unknowns, relative to the section
 forces and moments in the rods, and on the gaps of the supports. The floors are the round-off of the strains, so the
-same digits come out in mm and in m. A residual a little above its floor counts when another step did not lower it.
+same digits come out in mm and in m. A residual a little above its floor counts when another step did not lower it, or
+when the last increment was so small that another could not: at rest the square of TINY is round-off.
 
 `plain` takes full steps. `guarded` adds mu * shift to the matrix until it has no negative eigenvalue, and shortens a
 step in which a node would turn by more than 0.8 rad: it goes downhill in energy and ends in a stable state, so it must
@@ -32,13 +33,17 @@ from .terms.touch import Pressed
 RESIDUAL = 1e-11  # relative
 ROUND_OFF = 2 * np.finfo(float).eps
 STAGNANT = 32.0  # residual in units of the tolerance, accepted when a small step no longer halves it
+TINY, FELL = (
+    1e-8,
+    1e-3,
+)  # an increment [rad, rod lengths] after which only round-off is left, if the residual fell by so much
 LINEAR = "linear systems"  # where CPU time is booked besides terms
 NO_REACTIONS = np.empty((0, 6))
 LARGEST_TURN = 0.8  # rad in one guarded step
 FARTHEST = 0.2  # rod lengths in one step with contact
 SHORT = 0.05  # part of a guarded step; one cut to less was a bad one, and the shift grows
 PATIENCE, SHORTER = 4, (1.0, 0.5, 0.25, 0.1, 0.03)  # iterations without progress; parts of a step then tried
-ITERATIONS, TOUCHING = 20, 60  # of a plain solve, without and with contact
+ITERATIONS, TOUCHING, GUARDED = 20, 60, 150  # of a plain solve, without and with contact, and of a guarded one
 HOPELESS = 20  # iterations of a plain static solve with contact that do not halve the residual: others find the way
 SMALLEST_SHIFT = 1e-6
 
@@ -61,7 +66,7 @@ class Solved:
 
     state: last iterate; total: its residual; reactions (supports, 6); residual: relative; where: node of the largest
     residual; negative: negative eigenvalues of the last tangent, -1 if not known; reason: empty if converged; pressed:
-    what contact does, once accepted.
+    what contact does, once accepted; guarded: whether the guarded method found it.
     """
 
     state: State
@@ -73,6 +78,7 @@ class Solved:
     iterations: int
     reason: str = ""
     pressed: tuple[Pressed, ...] = ()
+    guarded: bool = False
 
     @property
     def converged(self) -> bool:
@@ -106,19 +112,33 @@ class Newton:
     ) -> Solved:
         """Full steps. targets: of the supports, default those of the state's time; offset (N, 6): added to the residual."""
         if self.compiled is not None:
-            answer = self.compiled.solve(state, targets, offset, iterations or ITERATIONS, RESIDUAL, guarded=False)
-            return self._told(answer, RESIDUAL)
+            most = iterations or ITERATIONS
+            return self._told(self.compiled.solve(state, targets, offset, RESIDUAL, plain=most, guarded=0), RESIDUAL)
         return self._solve(state, targets, offset, iterations, guarded=False)
 
     def guarded(
-        self, state: State, *, targets: Targets | None = None, offset: np.ndarray | None = None, iterations: int = 150
+        self,
+        state: State,
+        *,
+        targets: Targets | None = None,
+        offset: np.ndarray | None = None,
+        iterations: int = GUARDED,
     ) -> Solved:
         """Shifted, rotation-limited steps towards a stable state."""
-        self.counters.guarded += 1
         if self.compiled is not None:
-            answer = self.compiled.solve(state, targets, offset, iterations, RESIDUAL, guarded=True)
+            return self._told(
+                self.compiled.solve(state, targets, offset, RESIDUAL, plain=0, guarded=iterations), RESIDUAL
+            )
+        self.counters.guarded += 1
+        return replace(self._solve(state, targets, offset, iterations, guarded=True), guarded=True)
+
+    def settled(self, state: State, *, targets: Targets | None = None, offset: np.ndarray | None = None) -> Solved:
+        """`plain`; where that fails `guarded` from the same state."""
+        if self.compiled is not None:
+            answer = self.compiled.solve(state, targets, offset, RESIDUAL, plain=ITERATIONS, guarded=GUARDED)
             return self._told(answer, RESIDUAL)
-        return self._solve(state, targets, offset, iterations, guarded=True)
+        solved = self.plain(state, targets=targets, offset=offset)
+        return solved if solved.converged else self.guarded(state, targets=targets, offset=offset)
 
     def accepted(self, solved: Solved, *, in_time: bool = False) -> Solved:
         """The same with the memory of contact renewed, as the start of what follows."""
@@ -148,10 +168,11 @@ class Newton:
     def _told(self, answer: Answer, tolerance: float, *, in_time: bool = False) -> Solved:
         """Count what a compiled solve did, and say it as the loop does."""
         self.count(answer.solves, answer.checks)
+        self.counters.guarded += answer.guarded
         reactions = NO_REACTIONS if in_time else self.model.constraints.reactions(answer.state, answer.g)
         return Solved(
             answer.state, Sum(answer.g, 0.0, 0.0), reactions, tolerance * answer.residual, answer.where, answer.negative,
-            answer.iterations, answer.reason,
+            answer.iterations, answer.reason, (), answer.guarded,
         )  # fmt: skip
 
     def _solve(
@@ -173,7 +194,7 @@ class Newton:
         negative, residual, before, where, k, cheap = -1, np.inf, np.inf, 0, 0, False
         symmetric = model.symmetric  # of the last tangent
         best, stalled = np.inf, 0
-        small = near = False  # the last increment; the one before the last factorisation
+        small = tiny = near = False  # the last increment; the one before the last factorisation
         total = Sum(np.zeros((model.space.n_nodes, 6)), 0.0, 0.0)
 
         def stop(reason: str = "") -> Solved:
@@ -206,7 +227,8 @@ class Newton:
             residual, where = self.measure(state, total, held, step, tolerance)
             if not residual < np.inf:
                 return stop("the residual is not a finite number")
-            met = residual <= 1.0 or (small and 0.5 * before < residual <= STAGNANT)
+            stays = (small and residual > 0.5 * before) or (tiny and residual < FELL * before)
+            met = residual <= 1.0 or (stays and residual <= STAGNANT)
             reached = k > 0 and met and self.closed(held) and (approach is None or approach.arrived(state))
             if reached:
                 return stop()
@@ -264,6 +286,7 @@ class Newton:
             state = replace(moved, stress=stress)
             k, before = k + 1, residual
             small = turn < 1e-3 and shift < 1e-3 * model.scales["length"]
+            tiny = step is None and approach is None and turn < TINY and shift < TINY * model.scales["length"]
             cheap = scale == 1.0 and small and mu <= SMALLEST_SHIFT
             if guarded and scale == 1.0:
                 mu = mu / 4.0 if mu >= 4e-3 else SMALLEST_SHIFT

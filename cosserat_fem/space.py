@@ -195,6 +195,9 @@ class State:
     contact: Contact | None = None
 
     def at_time(self, t: float) -> State:
+        """The same at another time."""
+        if t == self.t:
+            return self
         return State(t, self.r, self.q, self.stress, self.angles, self.velocity, self.slope, self.contact)
 
 
@@ -406,7 +409,7 @@ class Space:
         KardanError
             With Kardan angles, where the drawing is singular.
         """
-        state = replace(self._drawn, t=t)
+        state = self._drawn.at_time(t)
         self.check_angles(state)
         return state
 

@@ -24,7 +24,7 @@ import numpy as np
 from .arclength import FIRST, Path, Time
 from .errors import ConvergenceError, SceneError, check_integer, check_number, check_shape
 from .history import History, Record
-from .kernels.rotation import multiply, quaternion_from_vector, relative_rotation
+from .kernels.rotation import relative_rotation, rotate_bodies
 from .march import Clock, March, Resolution
 from .model import Model
 from .newton import Newton, Solved
@@ -212,6 +212,8 @@ def _start(newton: Newton, history: History, start: State | None, t: float) -> S
         if approach is not None and not approach.knows(start):
             start = approach.begin(start)
         return start.at_time(t)
+    if approach is None and not model.constraints.moving_parts:
+        return model.initial_state(t)
     drawn_at = [part.drawn_at for part in model.parts]
     if approach is not None:
         return _untangled(newton, drawn_at[0] if len(set(drawn_at)) == 1 else t).at_time(t)
@@ -325,19 +327,17 @@ def _extrapolated(before: State, state: State, t: float) -> State:
     r = state.r + part * (state.r - before.r)
     if state.angles is not None and before.angles is not None:
         return state.at_time(t)
-    q = multiply(state.q, quaternion_from_vector(part * relative_rotation(before.q, state.q)))
+    q = np.empty_like(state.q)
+    rotate_bodies(state.q, part * relative_rotation(before.q, state.q), q)
     return State(t, r, q, stress)
 
 
 def _equilibrium(newton: Newton, state: State, history: History, *, steps: int | None = None) -> Solved:
     """Equilibrium from a state that may be far from it."""
     if steps is None:
-        solved = newton.plain(state)
-        if solved.converged and solved.negative > 0:
+        solved = newton.settled(state)
+        if solved.converged and solved.negative > 0 and not solved.guarded:
             return _prefer_stable(newton, state, solved)
-        if solved.converged:
-            return solved
-        solved = newton.guarded(state)
         if solved.converged:
             return solved
     for n in LOAD_STEPS if steps is None else (steps,):
@@ -382,9 +382,7 @@ def _in_load_steps(newton: Newton, state: State, n: int) -> Solved:
         newton.counters.load_steps += 1
         targets = final if k == n else model.constraints.part_way(state, final, 1.0 / (n - k + 1))
         offset = None if k == n else -(1.0 - k / n) * start
-        solved = newton.plain(state, targets=targets, offset=offset)
-        if not solved.converged:
-            solved = newton.guarded(state, targets=targets, offset=offset)
+        solved = newton.settled(state, targets=targets, offset=offset)
         if not solved.converged:
             return replace(solved, reason=f"load step {k} of {n}: {solved.reason}")
         state = solved.state

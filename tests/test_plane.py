@@ -167,11 +167,12 @@ def test_steps_in_one_call_are_those_made_one_by_one(plane, monkeypatch):
 def test_compiled_solve_is_the_loop_over_terms(load):
     model = cf.Model(*cantilever("xy", LOADS[load]))
     assert newton.takes(model)
-    for way in ("plain", "guarded"):
+    for way in ("plain", "guarded", "settled"):
         fast, slow = (
             getattr(Newton(model, compiled=compiled), way)(model.initial_state()) for compiled in (True, False)
         )
         assert (fast.iterations, fast.negative, fast.reason) == (slow.iterations, slow.negative, slow.reason)
+        assert fast.guarded is slow.guarded
         np.testing.assert_allclose(fast.state.r, slow.state.r, atol=1e-13)
         np.testing.assert_allclose(fast.reactions, slow.reactions, atol=1e-10)
 

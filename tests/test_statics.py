@@ -1,5 +1,7 @@
 """The static driver: finds equilibria by itself, says clearly when it does not."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -321,3 +323,45 @@ def test_gravity_on_a_rod_without_mass_warns():
     rod = twisted(None)[0].rods[0]
     model = cf.Model([rod], [cf.Clamp(rod, "start")], [cf.Gravity((0, 0, -9.81))])
     assert "has no mass, so gravity does not act on it" in model.warnings[0]
+
+
+def bent(plane, force):
+    """A cantilever that the plain method cannot bend at once, if the force is large."""
+    section = cf.Section(force_stiffness=(1e4,) * 3, moment_stiffness=(1.0, 1.0, 0.8))
+    rod = cf.Rod("rod", section, [(0, 0, 0), (1, 0, 0)], n_elements=4)
+    return cf.Model([rod], [cf.Clamp(rod, "start")], [cf.PointLoad(rod, "end", force=(0, force, 0))], plane=plane)
+
+
+@pytest.mark.parametrize("plane", [None, "xy"])
+def test_guarded_method_takes_over_in_the_same_call(plane):
+    """Where the plain method diverges the guarded one starts from the same state, in the loop and in the compiled call."""
+    model = bent(plane, 10.0)
+    start = model.initial_state()
+    fast, slow = (Newton(model, compiled=compiled) for compiled in (True, False))
+    assert not fast.plain(start).converged
+    alone, found, same = fast.guarded(start), fast.settled(start), slow.settled(start)
+    assert found.guarded and same.guarded and (found.iterations, found.negative) == (same.iterations, same.negative)
+    np.testing.assert_array_equal(found.state.r, alone.state.r)
+    np.testing.assert_allclose(found.state.r, same.state.r, atol=1e-12)
+    assert fast.counters.guarded == 2
+    small = Newton(bent(plane, 0.1)).settled(start)
+    assert small.converged and not small.guarded
+
+
+@pytest.mark.parametrize("plane", [None, "xy"])
+def test_solves_of_one_model_may_alternate_and_run_in_threads(plane):
+    """They share scratch: what one has found, another that comes in between must not change."""
+    times = np.linspace(0.0, 1.0, 5)
+    forces = np.outer(times, [0.0, 4.0, 0.0])
+    section = cf.Section(force_stiffness=(1e4,) * 3, moment_stiffness=(1.0, 1.0, 0.8))
+    rod = cf.Rod("rod", section, [(0, 0, 0), (1, 0, 0)], n_elements=4)
+    loads = [cf.PointLoad(rod, "end", force=(times, forces))]
+    alone = [cf.solve_static(cf.Model([rod], [cf.Clamp(rod, "start")], loads, plane=plane), t=t) for t in times]
+    model = cf.Model([rod], [cf.Clamp(rod, "start")], loads, plane=plane)
+    together = [cf.solve_static(model, t=t) for t in times]
+    with ThreadPoolExecutor(4) as pool:
+        threads = list(pool.map(lambda t: cf.solve_static(model, t=t), [*times] * 8))
+    for history, expected in zip([*together, *threads], [*alone] * 9, strict=True):
+        for name in ("r", "q"):
+            np.testing.assert_array_equal(getattr(history.final, name), getattr(expected.final, name))
+        np.testing.assert_array_equal(history.reaction("rod.start@ground"), expected.reaction("rod.start@ground"))

@@ -18,8 +18,9 @@ from collections.abc import Callable
 from typing import Any
 
 import llvmlite.binding as llvm
-from numba import njit
+from numba import njit, types
 from numba.core.event import Listener, register, unregister
+from numba.experimental import structref
 
 log = logging.getLogger(__name__)
 
@@ -91,6 +92,24 @@ def _stamped(compiled: Any) -> Any:
     if OPTIONS["cache"]:
         compiled._cache._cache_file._source_stamp = STAMP  # held by tests/kernels/test_cache.py
     return compiled
+
+
+@structref.register
+class KeptType(types.StructRef):
+    """Type of `Kept`, by the types of its fields."""
+
+    def preprocess_fields(self, fields: Any) -> Any:
+        return tuple((name, types.unliteral(kind)) for name, kind in fields)
+
+
+class Kept(structref.StructRefProxy):
+    """Arrays that go to a kernel again and again, handed over as one object; fields as of `rest.settle`.
+
+    Made by a kernel (`rest.keep`): this constructor alone would be compiled at every start.
+    """
+
+
+structref.define_proxy(Kept, KeptType, ["beam", "linear", "rows", "followers", "frame", "scratch"])
 
 
 class CompileClock(Listener):

@@ -734,23 +734,29 @@ def enter(axes, base, node, across, normal, r, q, stress, flat, p, sigma):
                 out[2 * LANES + l] = T[3 * LANES + l] * n[0] + T[4 * LANES + l] * n[1]
 
 
-@kernel
+@inner
 def leave(axes, base, node, across, normal, flat, p, sigma, r, q, stress):
-    """The inverse of `enter`, of several states: a leading axis; the component of r along the normal stands already."""
+    """The inverse of `enter`; the component of r along the normal stands already."""
     i, j, k = axes
+    for m in range(q.shape[0]):
+        r[m, i], r[m, j] = flat[m, 0], flat[m, 1]
+        c, s, b = p[m, 0], p[m, 1], base[m]
+        q[m, 0] = c * b[0] - s * b[1 + k]
+        q[m, 1 + k] = c * b[1 + k] + s * b[0]
+        q[m, 1 + i] = c * b[1 + i] - s * b[1 + j]
+        q[m, 1 + j] = c * b[1 + j] + s * b[1 + i]
+    for m in range(sigma.shape[0]):
+        for o in range(sigma.shape[1]):
+            T, out = sigma[m, o], stress[m, o]
+            for l in range(LANES):
+                a, n = across[node[m, l]], normal[node[m, l]]
+                out[l], out[LANES + l], out[2 * LANES + l] = T[LANES + l] * a[0], T[LANES + l] * a[1], T[l]
+                bend = T[2 * LANES + l]
+                out[3 * LANES + l], out[4 * LANES + l], out[5 * LANES + l] = bend * n[0], bend * n[1], 0.0
+
+
+@kernel
+def leave_all(axes, base, node, across, normal, flat, p, sigma, r, q, stress):
+    """As `leave`, of several states: a leading axis."""
     for t in range(q.shape[0]):
-        for m in range(q.shape[1]):
-            r[t, m, i], r[t, m, j] = flat[t, m, 0], flat[t, m, 1]
-            c, s, b = p[t, m, 0], p[t, m, 1], base[m]
-            q[t, m, 0] = c * b[0] - s * b[1 + k]
-            q[t, m, 1 + k] = c * b[1 + k] + s * b[0]
-            q[t, m, 1 + i] = c * b[1 + i] - s * b[1 + j]
-            q[t, m, 1 + j] = c * b[1 + j] + s * b[1 + i]
-        for m in range(sigma.shape[1]):
-            for o in range(sigma.shape[2]):
-                T, out = sigma[t, m, o], stress[t, m, o]
-                for l in range(LANES):
-                    a, n = across[node[m, l]], normal[node[m, l]]
-                    out[l], out[LANES + l], out[2 * LANES + l] = T[LANES + l] * a[0], T[LANES + l] * a[1], T[l]
-                    bend = T[2 * LANES + l]
-                    out[3 * LANES + l], out[4 * LANES + l], out[5 * LANES + l] = bend * n[0], bend * n[1], 0.0
+        leave(axes, base, node, across, normal, flat[t], p[t], sigma[t], r[t], q[t], stress[t])

@@ -28,6 +28,7 @@ CONVERGED, NOT_FINITE, TOO_MANY, SINGULAR, DIVERGES, INDEFINITE, FORCES = 0, 1, 
 STAGNANT = 32.0
 NEARLY = 2e-3  # of the diagonal: an asymmetry that slows the iteration down by less than it costs
 SMALLEST_SHIFT, LARGEST_SHIFT = 1e-6, 1e12
+TINY, FELL = 1e-8, 1e-3  # an increment after which only round-off is left, if the residual fell by so much
 LARGEST_TURN = 0.8  # rad in one guarded step
 FASTEST = 2.0  # rad in one step in time
 GROWTH = 4.0  # a step longer than this many of the last one starts with b = a
@@ -260,7 +261,7 @@ def newton(
     in_time = inertia[0].shape[0] > 0
     no_nodal, r0, left = nodal[:0], inertia[2], np.empty_like(g)
     done = checks = solves = 0
-    before, small, near, cheap = np.inf, False, False, False
+    before, small, tiny, near, cheap = np.inf, False, False, False, False
     value, where, negative, mu = np.inf, 0, -1, SMALLEST_SHIFT if guarded else 0.0
     while True:
         g[:] = 0.0
@@ -292,7 +293,9 @@ def newton(
         if not value < np.inf:
             return NOT_FINITE, done, solves, checks, value, where, negative
         shift, turn = find_gap(size, space, plane, held, r, q, gap)
-        met = value <= 1.0 or (small and 0.5 * before < value <= STAGNANT)
+        met = value <= 1.0 or (
+            value <= STAGNANT and ((small and value > 0.5 * before) or (tiny and value < FELL * before))
+        )
         if done > 0 and met and shift <= closed and turn <= 1e-11:
             if not np.isfinite(F + M):
                 return FORCES, done, solves, checks, value, where, negative
@@ -351,6 +354,7 @@ def newton(
         done += 1
         before = value
         small = turn < 1e-3 and shift < 1e-3 * length
+        tiny = not in_time and turn < TINY and shift < TINY * length
         cheap = scale == 1.0 and small and mu <= SMALLEST_SHIFT and done >= expected
         if guarded and scale == 1.0:
             mu = mu / 4.0 if mu >= 4e-3 else SMALLEST_SHIFT
@@ -400,18 +404,34 @@ def keep_state(state, kept, m, work, iterations, value, step):
 
 @kernel
 def run_steps(
-    size, space, plane, beam, linear, rows, places, inertia, loads, limits, method, steps, state, work, kept, scratch
+    size,
+    space,
+    plane,
+    beam,
+    linear,
+    rows,
+    places,
+    inertia,
+    loads,
+    limits,
+    controls,
+    method,
+    steps,
+    state,
+    work,
+    kept,
+    scratch,
 ):
     """Steps in time, each as `integrator.Run` makes it with a fixed step, until one fails or turns a section too far.
 
     rows: nodes, left, right, held, owner of supported vertices; T; leader and its support of welded ones. places: for each
     of some times place, attitude (K, n, ...) of the supports, driven rates v, a (K, M, d) and driven nodes (M,). inertia:
     mass, J, round-off of both as a force per acceleration. loads: nodes, force, moment (K, L, ...), kinds, whether any
-    depends on the attitude. method: am, af, beta, gamma. steps: length of the step before, lengths (n,), numbers of the load
-    table and of the place (n,), whether to keep the state (n,). state: r, q, sigma, v, a, b, g (N, d), what each load adds:
-    changed in place. work (L + 1,): of each load and of the driven ends so far, added to. kept: as state but for the loads,
-    with a leading axis, and work, iterations and residual, number of the step; the last state is kept in any case. scratch:
-    as of `newton`, with r, q, sigma, moved, b and coefficients.
+    depends on the attitude. limits, controls: as of `newton`. method: am, af, beta, gamma. steps: length of the step before,
+    lengths (n,), numbers of the load table and of the place (n,), whether to keep the state (n,). state: r, q, sigma, v, a,
+    b, g (N, d), what each load adds: changed in place. work (L + 1,): of each load and of the driven ends so far, added to.
+    kept: as state but for the loads, with a leading axis, and work, iterations and residual, number of the step; the last
+    state is kept in any case. scratch: as of `newton`, with r, q, sigma, moved, b and coefficients.
     Returns (steps made, iterations, residual evaluations, kept states).
     """
     nodes, on_left, on_right, is_held, owns, T, leads, lead_rows = rows
@@ -423,7 +443,8 @@ def run_steps(
     h_before, h, load_of, place_of, keeps = steps
     r, q, sigma, v, a, b, g, each = state
     g1, nodal, du, D, v1, a1, b1, each1, R, gap, r1, q1, sigma1, moved, b0, coefficients = scratch
-    moves, none, expected = r.shape[1], np.empty((0, 0)), 1
+    moves, none = r.shape[1], np.empty((0, 0))
+    most, guarded, symmetric, expected = controls
     made = iterations = checks = n_kept = done = 0
     value = 0.0
     coefficients[1], coefficients[2], coefficients[3], coefficients[4] = am, af, beta, gamma
@@ -463,7 +484,7 @@ def run_steps(
                     r1[k, i] = r[k, i] + du[k, i]
             status, taken, solved, more, left, _, _ = newton(
                 size, space, plane, beam, linear, held, rates_before, table, none, bounds,
-                (20, False, False, expected), moved, r1, q1, sigma1, (g1, nodal, du, D, v1, a1, b1, each1, R, gap),
+                (most, guarded, symmetric, expected), moved, r1, q1, sigma1, (g1, nodal, du, D, v1, a1, b1, each1, R, gap),
             )  # fmt: skip
             iterations += solved
             checks += more
