@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 _HOMES = {
     "Section": "section",
-    "Material": "buildup",
-    "Cable": "buildup",
-    "Strands": "buildup",
-    "Cables": "buildup",
-    "Tube": "buildup",
-    "Braid": "buildup",
-    "Tape": "buildup",
-    "build_up": "buildup",
-    "cable_named": "catalogue",
-    "catalogue_section": "catalogue",
-    "material": "catalogue",
+    "Material": "cables.buildup",
+    "Cable": "cables.buildup",
+    "Strands": "cables.buildup",
+    "Cables": "cables.buildup",
+    "Tube": "cables.buildup",
+    "Braid": "cables.buildup",
+    "Tape": "cables.buildup",
+    "build_up": "cables.buildup",
+    "cable_named": "cables.catalogue",
+    "catalogue_section": "cables.catalogue",
+    "material": "cables.catalogue",
     "Rod": "rod",
     "Part": "mechanism",
     "GROUND": "mechanism",
@@ -63,12 +63,12 @@ _HOMES = {
     "AdaptiveStep": "integrator",
     "FixedStep": "integrator",
     "RigidVelocity": "dynamics",
-    "bend_radius": "checks",
-    "clearance": "gaps",
-    "distance_from_drawing": "checks",
-    "Limit": "limits",
-    "Verdict": "verdicts",
-    "check": "verdicts",
+    "bend_radius": "limits.quantities",
+    "clearance": "limits.gaps",
+    "distance_from_drawing": "limits.quantities",
+    "Limit": "limits.allowed",
+    "Verdict": "limits.verdicts",
+    "check": "limits.verdicts",
     "compare_theories": "theories",
     "to_pyvista": "export",
     "to_meshio": "export",
@@ -90,18 +90,19 @@ __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
     from .arclength import CriticalPoint
-    from .buildup import Braid, Cable, Cables, Material, Strands, Tape, Tube, build_up
-    from .catalogue import cable_named, catalogue_section, material
-    from .checks import bend_radius, distance_from_drawing
+    from .cables.buildup import Braid, Cable, Cables, Material, Strands, Tape, Tube, build_up
+    from .cables.catalogue import cable_named, catalogue_section, material
     from .continuation import critical_load, trace_path
     from .curve import CurveGeometry, curve_geometry, rebuild_curve
     from .dynamics import RigidVelocity, solve_dynamic
     from .errors import ConvergenceError, CosseratError, KardanError, MeshError, SceneError
     from .export import to_meshio, to_pyvista
-    from .gaps import clearance
     from .history import History
     from .integrator import AdaptiveStep, FixedStep
-    from .limits import Limit
+    from .limits.allowed import Limit
+    from .limits.gaps import clearance
+    from .limits.quantities import bend_radius, distance_from_drawing
+    from .limits.verdicts import Verdict, check
     from .march import Resolution, Watch
     from .mechanism import GROUND, Hinge, Part, Path, Slider
     from .model import Model
@@ -117,7 +118,6 @@ if TYPE_CHECKING:
     from .surface import Surface
     from .terms import Damping, Drag, Electrostatic, Gravity, LineLoad, PartContact, PointLoad, RodContact
     from .theories import compare_theories
-    from .verdicts import Verdict, check
     from .vibration import Modes, modes
 
 

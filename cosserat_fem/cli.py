@@ -230,7 +230,7 @@ def cables(name: str | None = None) -> int:
     name
         Name of a cable, or a part of the names of several.
     """
-    from .catalogue import entries, listing
+    from .cables.catalogue import entries, listing
     from .errors import nearest
 
     found = listing(name)
@@ -748,7 +748,7 @@ def design(
 @app.command
 def rules() -> int:
     """List the bend-radius rules that checks know by name, with clause, status and source."""
-    from .rules import bend_rules
+    from .limits.rules import bend_rules
 
     for rule in bend_rules().values():
         of = {"cable": "cable diameters", "wire": "diameters of the largest insulated wire"}[rule.diameter]

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 
-from .band import FOLDER as STICK
+from .cables.band import FOLDER as STICK
 from .errors import SceneError
 from .export import UNITS
 

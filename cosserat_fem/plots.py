@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from .band import FOLDER as STICK
+from .cables.band import FOLDER as STICK
 from .export import replace_file
 
 ROUND_OFF = 1e-12  # of a force (at 1 m) beside a moment, and the other way round

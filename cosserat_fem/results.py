@@ -17,7 +17,7 @@ from importlib import metadata
 from typing import Any
 
 from .accuracy import add_errors
-from .catalogue import sources
+from .cables.catalogue import sources
 from .drive import describe_drive, turns_back, write_drives, write_joint_models
 from .errors import CosseratError, cause, out_of_memory
 from .export import (
@@ -36,11 +36,11 @@ from .export import (
 )
 from .folder import CHECKED, DRIVEN, PROGRAM, RESULTS, TOUCHING
 from .history import History
-from .margins import margin_fields, write_checks, write_margins
+from .limits.margins import margin_fields, write_checks, write_margins
+from .limits.verdicts import Verdict, assess, clearances, found_at, judged, overall, tell, warn_of_parts
 from .mechanism import Part
 from .scene import Scene
 from .summary import describe, describe_modes, describe_peaks, out_of_plane, told_clearance
-from .verdicts import Verdict, assess, clearances, found_at, judged, overall, tell, warn_of_parts
 from .vibration import Modes, modes
 
 PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "pyvista", "vtk", "h5py", "pyamg")

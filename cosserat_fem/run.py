@@ -14,17 +14,17 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from .band import FOLDER, compare_ends, verdicts
+from .cables.band import FOLDER, compare_ends, verdicts
 from .errors import ConvergenceError, SceneError, cause, out_of_memory
 from .export import replace_file
 from .folder import RunFolder
 from .frames import CHECKPOINT, FRAMES, read_checkpoint, read_frames
 from .history import History
 from .kernels import CompileClock
+from .limits.verdicts import Verdict, overall
 from .results import ALL, Keep, Phases, ResultWriter
 from .scene import Scene, load_scene
 from .solving import FramesError, solve_scene
-from .verdicts import Verdict, overall
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,13 +16,13 @@ from .errors import ConvergenceError, SceneError, cause
 from .frames import CHECKPOINT, FRAMES, FrameFile, read_checkpoint, read_frames, with_terms, write_checkpoint
 from .history import History, Record
 from .integrator import AdaptiveStep, Checkpoint, FixedStep, Run
+from .limits.verdicts import watches
 from .model import Model
 from .scene import Scene
 from .scene.tables import SolveTable
 from .space import State
 from .statics import solve_quasistatic, solve_static
 from .theories import Comparison, compare_theories
-from .verdicts import watches
 
 COUNTED = ("iterations", "residuals")  # counters that go on in a resumed run
 SAVE_EVERY = 3.0  # s of wall time between checkpoints of a run in time

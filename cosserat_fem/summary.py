@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from .checks import bend_radius, distance_from_drawing, worst
 from .drive import as_peaks, describe_torque
 from .export import hinged_parts
-from .gaps import clearance
 from .history import History
-from .limits import beside_supports
+from .limits.allowed import beside_supports
+from .limits.gaps import clearance
+from .limits.quantities import bend_radius, distance_from_drawing, worst
 from .mechanism import Hinge, Part
 from .rod import Rod
 from .section import Section

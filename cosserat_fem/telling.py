@@ -129,7 +129,7 @@ def tell_checks(verdicts: Any, overall: str, tell: Callable[[str], None]) -> Non
 
 def _by_rule(verdict: Any) -> str:
     """The rule that a limit comes from, and a word of caution if it was not read where it stands."""
-    from .rules import bend_rule
+    from .limits.rules import bend_rule
 
     if verdict.check.limit.rule is None:
         return ""

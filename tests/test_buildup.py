@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import cosserat_fem as cf
-from cosserat_fem.buildup import awg_diameter, most_around, packed
+from cosserat_fem.cables.buildup import awg_diameter, most_around, packed
 
 COPPER = cf.Material(117e9, 44e9, 8960)
 SOFT = cf.Material(0.8e9, 0.3e9, 1730)

@@ -3,7 +3,7 @@
 import pytest
 
 import cosserat_fem as cf
-from cosserat_fem.catalogue import _data, entries, listing
+from cosserat_fem.cables.catalogue import _data, entries, listing
 from cosserat_fem.cli import main
 
 STATUS = {"measured", "data sheet", "derived", "recalled", "assumed"}

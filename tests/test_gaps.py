@@ -153,7 +153,7 @@ def test_two_rods(curved):
 
 
 def test_many_states_are_looked_at_in_blocks(monkeypatch, curved):
-    from cosserat_fem import gaps
+    from cosserat_fem.limits import gaps
 
     part = cf.Part("p", shape=cf.Sphere((0.7, 0.4, 0), 0.1), motion=cf.Slider((0, 0, 1), 0.1))
     whole = cf.clearance(curved, "a", part)

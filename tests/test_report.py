@@ -12,8 +12,8 @@ from PIL import Image
 
 import cosserat_fem as cf
 from cosserat_fem.cli import main
-from cosserat_fem.page import number, table
 from cosserat_fem.report import write_report
+from cosserat_fem.report.page import number, table
 
 VOID = {"meta", "link", "img", "br", "hr", "path", "use"}
 

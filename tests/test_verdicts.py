@@ -5,7 +5,7 @@ import pytest
 from scipy.special import ellipk
 
 import cosserat_fem as cf
-from cosserat_fem.verdicts import least_margin, overall
+from cosserat_fem.limits.verdicts import least_margin, overall
 
 D, E = 0.01, 1e9
 EA, EI = E * np.pi / 4 * D**2, E * np.pi / 64 * D**4

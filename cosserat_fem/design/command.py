@@ -19,10 +19,10 @@ import numpy as np
 from ..errors import SceneError
 from ..export import replace_file
 from ..folder import PROGRAM, check_study, hold
+from ..limits.verdicts import Verdict
 from ..run import Outcome, run_scene
 from ..scene import Scene, load_scene
 from ..summary import flat
-from ..verdicts import Verdict
 from .search import best, closest, front, search
 from .trial import Trial, Trials
 

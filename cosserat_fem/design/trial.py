@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import bend_radius
 from ..drive import describe_drive
 from ..errors import ConvergenceError, SceneError, nearest
 from ..history import History
+from ..limits.quantities import bend_radius
+from ..limits.verdicts import assess, tell
 from ..model import Model
 from ..scene import Scene
 from ..scene.aim import bounds, starting, values
@@ -28,7 +29,6 @@ from ..space import State
 from ..statics import solve_static
 from ..summary import describe, flat, size
 from ..transfer import Transfer
-from ..verdicts import assess, tell
 
 SAME = 1e-12  # of a range: designs this close are one
 PARTS = 6  # times that the way from the nearest design is halved

@@ -19,7 +19,7 @@ from ..continuation import STEPS
 from ..drive import Drive
 from ..dynamics import check_dynamic
 from ..errors import SceneError
-from ..limits import Check
+from ..limits.allowed import Check
 from ..march import Resolution, Watch
 from ..mechanism import Part
 from ..model import Model

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ..buildup import ENDS, Braid, Cable, Cables, Layer, Material, Strands, Tape, Tube, build_up
-from ..catalogue import cable_named, entries, material
+from ..cables.buildup import ENDS, Braid, Cable, Cables, Layer, Material, Strands, Tape, Tube, build_up
+from ..cables.catalogue import cable_named, entries, material
 from ..section import Section
 from . import lines
 from .load import Source, short

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SceneError, nearest
-from ..limits import Check, Limit, checks_of
+from ..limits.allowed import Check, Limit, checks_of
 from ..mechanism import Hinge
 from ..model import Model
 from . import lines

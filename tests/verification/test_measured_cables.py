@@ -11,7 +11,7 @@ import re
 import pytest
 
 import cosserat_fem as cf
-from cosserat_fem.catalogue import entries
+from cosserat_fem.cables.catalogue import entries
 
 DOCS = pathlib.Path(__file__).parents[2] / "docs" / "scenes.md"
 MEASURED = [name for name, entry in entries().items() if "bending_stiffness" in entry.given]

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from .export import replace_file, write_csv
-from .history import History
+from ..export import replace_file, write_csv
+from ..history import History
 from .verdicts import Verdict
 
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from .history import History
-from .kernels.nodes import distance_to_polyline
-from .rod import Rod
+from ..history import History
+from ..kernels.nodes import distance_to_polyline
+from ..rod import Rod
 
 
 def bend_radius(history: History, rod: Rod | str, *, at: str = "stations") -> np.ndarray:

@@ -21,8 +21,8 @@ from math import asin, cos, pi, radians, sqrt
 
 import numpy as np
 
-from .errors import check_integer, check_positive, check_shape
-from .section import Section
+from ..errors import check_integer, check_positive, check_shape
+from ..section import Section
 
 ENDS = ("slip", "stick")
 SHEAR_FACTOR = 0.9  # of a solid round section

@@ -1,6 +1,6 @@
 """How tightly may a cable be bent? Rules of standards, by name.
 
-Rule: each number stands in `data/bend_rules.toml` with the standard, the clause, the kind of cable, where it was read and
+Rule: each number stands in `bend_rules.toml` with the standard, the clause, the kind of cable, where it was read and
 how far that is to be trusted. No rule is chosen for the user: a number without its standard and kind of cable means nothing.
 """
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 
-from .errors import nearest
+from ..errors import nearest
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -41,7 +41,7 @@ class BendRule:
 @cache
 def bend_rules() -> dict[str, BendRule]:
     """All rules by name."""
-    text = (resources.files("cosserat_fem") / "data" / "bend_rules.toml").read_text(encoding="utf-8")
+    text = (resources.files("cosserat_fem.limits") / "bend_rules.toml").read_text(encoding="utf-8")
     return {entry["name"]: BendRule(**entry) for entry in tomllib.loads(text)["rule"]}
 
 

@@ -19,13 +19,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .accuracy import add_errors
-from .checks import Along, at_nodes
+from ..accuracy import add_errors
+from ..history import History
+from ..march import Watch
+from ..mechanism import Hinge, Part
+from .allowed import Check, Limit, checks_of
 from .gaps import clearance_along, closest, roughly
-from .history import History
-from .limits import Check, Limit, checks_of
-from .march import Watch
-from .mechanism import Hinge, Part
+from .quantities import Along, at_nodes
 from .rules import bend_rule
 
 Status = Literal["SAFE", "UNSAFE", "UNKNOWN"]

@@ -116,7 +116,7 @@ def film(path: pathlib.Path, caption: str) -> str:
 
 def page(title: str, body: Iterable[str]) -> str:
     """The whole file."""
-    style = (resources.files("cosserat_fem") / "data" / "report.css").read_text(encoding="utf-8")
+    style = (resources.files("cosserat_fem.report") / "report.css").read_text(encoding="utf-8")
     allowed = "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'"
     return "\n".join(
         [

@@ -11,12 +11,12 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from .errors import check_number, check_positive, nearest
-from .mechanism import Hinge, Part
-from .model import Model
-from .rod import Rod
+from ..errors import check_number, check_positive, nearest
+from ..mechanism import Hinge, Part
+from ..model import Model
+from ..rod import Rod
+from ..support import Support
 from .rules import bend_rule
-from .support import Support
 
 NEARBY = 3.0  # radii on both sides of a support on a part: clearance from the part is not looked at there
 

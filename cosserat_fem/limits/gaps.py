@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .history import History
-from .kernels.nodes import distance_to_polyline
-from .kernels.triangles import lower_to_triangles, winding_number
-from .mechanism import Part
-from .rod import Rod
-from .surface import Surface
+from ..history import History
+from ..kernels.nodes import distance_to_polyline
+from ..kernels.triangles import lower_to_triangles, winding_number
+from ..mechanism import Part
+from ..rod import Rod
+from ..surface import Surface
 
 
 def clearance(

@@ -13,7 +13,7 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
-from .band import FOLDER as STICK
+from ..cables.band import FOLDER as STICK
 from .errors import SceneError
 from .export import replace_file
 from .findings import MARKS, band, checks, count, hinges, judgements, results

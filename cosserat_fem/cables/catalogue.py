@@ -1,6 +1,6 @@
 """Which cables are known, and from where? Real wires and cables with their sources.
 
-Rule: every number comes from `data/cables.toml` with its source and status (measured, data sheet, derived, recalled,
+Rule: every number comes from `cables.toml` with its source and status (measured, data sheet, derived, recalled,
 assumed) or is derived there from layers that have them. Stiffness in bending and twist is a band from slipping to sticking
 strands; measured ends replace derived ones.
 """
@@ -14,9 +14,9 @@ from importlib import resources
 from math import radians
 from typing import Any
 
+from ..errors import nearest
+from ..section import Section
 from .buildup import Braid, Cable, Cables, Layer, Material, Strands, Tape, Tube, awg_diameter, build_up
-from .errors import nearest
-from .section import Section
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -66,7 +66,7 @@ def sources(name: str) -> dict[str, str]:
 
 @cache
 def _data() -> dict[str, Any]:
-    return tomllib.loads((resources.files("cosserat_fem") / "data" / "cables.toml").read_text(encoding="utf-8"))
+    return tomllib.loads((resources.files("cosserat_fem.cables") / "cables.toml").read_text(encoding="utf-8"))
 
 
 @cache
