@@ -57,7 +57,7 @@ _HOMES = {
     "Watch": "march",
     "trace_path": "continuation",
     "critical_load": "continuation",
-    "CriticalPoint": "arclength",
+    "CriticalPoint": "record",
     "modes": "vibration",
     "Modes": "vibration",
     "AdaptiveStep": "integrator",
@@ -89,7 +89,6 @@ _HOMES = {
 __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
-    from .arclength import CriticalPoint
     from .cables.buildup import Braid, Cable, Cables, Material, Strands, Tape, Tube, build_up
     from .cables.catalogue import cable_named, catalogue_section, material
     from .continuation import critical_load, trace_path
@@ -106,6 +105,7 @@ if TYPE_CHECKING:
     from .march import Resolution, Watch
     from .mechanism import GROUND, Hinge, Part, Path, Slider
     from .model import Model
+    from .record import CriticalPoint
     from .rod import Elements, Rod
     from .run import run_scene
     from .scene import Scene, load_scene

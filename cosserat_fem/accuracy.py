@@ -21,10 +21,11 @@ import numpy as np
 
 from .drift import space_errors, time_errors
 from .errors import CosseratError
-from .history import History, Record
+from .history import History
 from .mechanism import Part
 from .model import Model
 from .newton import Newton
+from .record import Record
 from .rod import Elements
 from .transfer import Transfer, at_places
 

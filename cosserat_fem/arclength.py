@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from .kernels.nodes import largest_increment
 from .kernels.rotation import relative_rotation
 from .model import Model, Sum
 from .newton import RESIDUAL, STAGNANT, Newton
+from .record import CriticalPoint
 from .space import State
 from .terms import Term
 
@@ -44,30 +45,6 @@ DIFFERENCE = 1e-6  # of a run's span, for derivatives with time
 LOCATED = 1e-5  # part of a step to which a critical point is closed in before it is interpolated
 NEAR = 1e-3  # part of a step that may be left where the iteration fails so near to the point
 BESIDE = 1e-3  # part of a step beside a critical point where its two sides are looked at
-
-Kind = Literal["limit", "bifurcation", "flutter", "divergence"]
-
-
-@dataclass(frozen=True, eq=False)
-class CriticalPoint:
-    """Where a path stops being stable, or is stable again.
-
-    kind : "limit" (the load or time turns back), "bifurcation" (another path crosses), "flutter" (two frequencies have
-        become one and oscillations grow) or "divergence" (a frequency has become zero)
-    value : factor of the loads, or the time, of the path; t [s]; state
-    shape (N, 6) : motion in which the tangent is singular: displacements [m], rotations in the section's axes [rad]
-    before, after : negative eigenvalues of the tangent on both sides; -1 if not known
-    station : number of the last state of the history before it
-    """
-
-    kind: Kind
-    value: float
-    t: float
-    state: State
-    shape: np.ndarray
-    before: int
-    after: int
-    station: int = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,11 +14,12 @@ from typing import Literal
 
 import numpy as np
 
-from .arclength import FIRST, LONGEST, CriticalPoint, Kind, LoadFactor, Path, Point, Time
+from .arclength import FIRST, LONGEST, LoadFactor, Path, Point, Time
 from .errors import ConvergenceError, SceneError, check_integer, check_number, check_positive
-from .history import History, Record
+from .history import History
 from .model import Model
 from .newton import Newton
+from .record import CriticalPoint, Kind, Record
 from .space import State
 from .statics import solve_static
 from .terms import Term

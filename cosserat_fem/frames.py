@@ -22,9 +22,9 @@ import numpy as np
 
 from .errors import SceneError
 from .export import replace_file
-from .history import Record
 from .integrator import Checkpoint
 from .model import Model
+from .record import Record
 from .space import Contact, State, Touch
 from .terms.inertial import Rates
 from .terms.touch import Pressed

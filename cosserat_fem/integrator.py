@@ -32,13 +32,14 @@ import numpy as np
 
 from .compiled import Moving
 from .errors import ConvergenceError, SceneError, check_positive
-from .history import History, Record
+from .history import History
 from .impact import Impact
 from .kernels.inertia import largest_change
 from .kernels.rotation import quaternion_from_matrix, relative_rotation
 from .model import Model
 from .newton import Newton, Solved
 from .rates import NOBODY, Balance
+from .record import Record
 from .space import State
 from .terms.dissipative import damped_tables, tables_at_rate
 from .terms.inertial import InertiaStep, Rates, constants

@@ -22,11 +22,11 @@ from typing import Any, Literal
 import numpy as np
 from scipy.optimize import brent
 
-from .arclength import CriticalPoint
 from .errors import ConvergenceError, check_positive
-from .history import History, Record
+from .history import History
 from .mechanism import Hinge, Part
 from .model import Model
+from .record import CriticalPoint, Record
 from .rod import Rod
 
 HALVINGS = 3  # of a step where a curve bends

@@ -14,7 +14,7 @@ not be used where the wanted state is unstable. The residual is untouched by mu,
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from time import thread_time
 
@@ -27,6 +27,7 @@ from .errors import KardanError
 from .kernels.nodes import largest_increment, largest_residual
 from .linear import LinearSolver
 from .model import Model, Step, Sum
+from .record import Counters
 from .space import State
 from .terms.touch import Pressed
 
@@ -46,18 +47,6 @@ PATIENCE, SHORTER = 4, (1.0, 0.5, 0.25, 0.1, 0.03)  # iterations without progres
 ITERATIONS, TOUCHING, GUARDED = 20, 60, 150  # of a plain solve, without and with contact, and of a guarded one
 HOPELESS = 20  # iterations of a plain static solve with contact that do not halve the residual: others find the way
 SMALLEST_SHIFT = 1e-6
-
-
-@dataclass
-class Counters:
-    """What the solver did."""
-
-    iterations: int = 0
-    residuals: int = 0
-    guarded: int = 0
-    load_steps: int = 0
-    bisections: int = 0
-    linear: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

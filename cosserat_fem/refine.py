@@ -25,10 +25,11 @@ import numpy as np
 
 from .accuracy import Richer, moved
 from .errors import ConvergenceError, check_positive
-from .history import Chosen, History, Record
+from .history import History
 from .mechanism import Hinge
 from .model import Model
 from .newton import Newton
+from .record import Chosen, Record
 from .rod import Elements, Rod
 from .space import State
 from .transfer import Transfer

@@ -14,10 +14,11 @@ from .continuation import STEPS, trace_path
 from .dynamics import RigidVelocity, solve_dynamic
 from .errors import ConvergenceError, SceneError, cause
 from .frames import CHECKPOINT, FRAMES, FrameFile, read_checkpoint, read_frames, with_terms, write_checkpoint
-from .history import History, Record
+from .history import History
 from .integrator import AdaptiveStep, Checkpoint, FixedStep, Run
 from .limits.verdicts import watches
 from .model import Model
+from .record import Record
 from .scene import Scene
 from .scene.tables import SolveTable
 from .space import State

@@ -23,11 +23,12 @@ import numpy as np
 
 from .arclength import FIRST, Path, Time
 from .errors import ConvergenceError, SceneError, check_integer, check_number, check_shape
-from .history import History, Record
+from .history import History
 from .kernels.rotation import relative_rotation, rotate_bodies
 from .march import Clock, March, Resolution
 from .model import Model
 from .newton import Newton, Solved
+from .record import Record
 from .refine import check_accuracy, to_accuracy
 from .space import State
 

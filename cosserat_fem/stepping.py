@@ -19,8 +19,9 @@ import numpy as np
 
 from .accuracy import raised
 from .errors import ConvergenceError
-from .history import Chosen, History
+from .history import History
 from .model import Model
+from .record import Chosen
 from .refine import PILOT_ORDER, pilot_elements
 from .rod import Elements
 from .transfer import Transfer

@@ -8,8 +8,8 @@ from scipy.special import ellipk
 import cosserat_fem as cf
 from cosserat_fem import continuation
 from cosserat_fem.arclength import LoadFactor, Path, Time
-from cosserat_fem.history import Record
 from cosserat_fem.newton import Newton
+from cosserat_fem.record import Record
 
 
 def column(*, stiffness=1e7, n_elements=6, second=1.3, load=None, **options):

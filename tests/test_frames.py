@@ -293,7 +293,7 @@ def test_records_with_contact_come_back(tmp_path):
     from dataclasses import replace
 
     import cosserat_fem as cf
-    from cosserat_fem.history import Record
+    from cosserat_fem.record import Record
     from cosserat_fem.terms.inertial import Rates
 
     section = cf.Section.round(0.004, youngs_modulus=50e6)
