@@ -50,19 +50,19 @@ _HOMES = {
     "Elements": "rod",
     "State": "space",
     "History": "history",
-    "solve_static": "statics",
-    "solve_quasistatic": "statics",
-    "solve_dynamic": "dynamics",
-    "Resolution": "march",
-    "Watch": "march",
-    "trace_path": "continuation",
-    "critical_load": "continuation",
+    "solve_static": "equilibrium.statics",
+    "solve_quasistatic": "equilibrium.statics",
+    "solve_dynamic": "motion.dynamics",
+    "Resolution": "equilibrium.march",
+    "Watch": "equilibrium.march",
+    "trace_path": "equilibrium.continuation",
+    "critical_load": "equilibrium.continuation",
     "CriticalPoint": "record",
-    "modes": "vibration",
-    "Modes": "vibration",
-    "AdaptiveStep": "integrator",
-    "FixedStep": "integrator",
-    "RigidVelocity": "dynamics",
+    "modes": "equilibrium.vibration",
+    "Modes": "equilibrium.vibration",
+    "AdaptiveStep": "motion.integrator",
+    "FixedStep": "motion.integrator",
+    "RigidVelocity": "motion.dynamics",
     "bend_radius": "limits.quantities",
     "clearance": "limits.gaps",
     "distance_from_drawing": "limits.quantities",
@@ -75,7 +75,7 @@ _HOMES = {
     "CurveGeometry": "curve",
     "curve_geometry": "curve",
     "rebuild_curve": "curve",
-    "out_of_plane": "stability",
+    "out_of_plane": "equilibrium.stability",
     "load_scene": "scene",
     "Scene": "scene",
     "run_scene": "run",
@@ -91,20 +91,23 @@ __all__ = sorted(_HOMES)
 if TYPE_CHECKING:
     from .cables.buildup import Braid, Cable, Cables, Material, Strands, Tape, Tube, build_up
     from .cables.catalogue import cable_named, catalogue_section, material
-    from .continuation import critical_load, trace_path
     from .curve import CurveGeometry, curve_geometry, rebuild_curve
-    from .dynamics import RigidVelocity, solve_dynamic
+    from .equilibrium.continuation import critical_load, trace_path
+    from .equilibrium.march import Resolution, Watch
+    from .equilibrium.stability import out_of_plane
+    from .equilibrium.statics import solve_quasistatic, solve_static
+    from .equilibrium.vibration import Modes, modes
     from .errors import ConvergenceError, CosseratError, KardanError, MeshError, SceneError
     from .export import to_meshio, to_pyvista
     from .history import History
-    from .integrator import AdaptiveStep, FixedStep
     from .limits.allowed import Limit
     from .limits.gaps import clearance
     from .limits.quantities import bend_radius, distance_from_drawing
     from .limits.verdicts import Verdict, check
-    from .march import Resolution, Watch
     from .mechanism import GROUND, Hinge, Part, Path, Slider
     from .model import Model
+    from .motion.dynamics import RigidVelocity, solve_dynamic
+    from .motion.integrator import AdaptiveStep, FixedStep
     from .record import CriticalPoint
     from .rod import Elements, Rod
     from .run import run_scene
@@ -112,13 +115,10 @@ if TYPE_CHECKING:
     from .section import Section
     from .shapes import Box, Capsule, Cylinder, Plane, Sphere, Torus
     from .space import State
-    from .stability import out_of_plane
-    from .statics import solve_quasistatic, solve_static
     from .support import Clamp, Pin, Weld
     from .surface import Surface
     from .terms import Damping, Drag, Electrostatic, Gravity, LineLoad, PartContact, PointLoad, RodContact
     from .theories import compare_theories
-    from .vibration import Modes, modes
 
 
 def __getattr__(name: str) -> Any:

@@ -26,11 +26,11 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from .equilibrium.vibration import Modes
 from .errors import CosseratError
 from .history import History
 from .mechanism import Hinge, Part
 from .rod import Rod
-from .vibration import Modes
 
 if TYPE_CHECKING:
     import h5py

@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from .equilibrium.statics import solve_quasistatic, solve_static
 from .errors import ConvergenceError, CosseratError, nearest
 from .export import hinged_parts, replace_file, write_json
 from .folder import PROGRAM
@@ -31,7 +32,6 @@ from .rod import Rod
 from .scene import Scene, build_scene
 from .section import Section
 from .space import State
-from .statics import solve_quasistatic, solve_static
 
 FREE = {
     "EI": ("N m^2", "bending stiffness (about d1; about d2 in proportion)"),

@@ -22,8 +22,8 @@ import numpy as np
 
 from .errors import SceneError
 from .export import replace_file
-from .integrator import Checkpoint
 from .model import Model
+from .motion.integrator import Checkpoint
 from .record import Record
 from .space import Contact, State, Touch
 from .terms.inertial import Rates

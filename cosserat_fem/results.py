@@ -16,9 +16,10 @@ from functools import partial
 from importlib import metadata
 from typing import Any
 
-from .accuracy import add_errors
+from .accuracy.estimate import add_errors
 from .cables.catalogue import sources
 from .drive import describe_drive, turns_back, write_drives, write_joint_models
+from .equilibrium.vibration import Modes, modes
 from .errors import CosseratError, cause, out_of_memory
 from .export import (
     replace_file,
@@ -41,7 +42,6 @@ from .limits.verdicts import Verdict, assess, clearances, found_at, judged, over
 from .mechanism import Part
 from .scene import Scene
 from .summary import describe, describe_modes, describe_peaks, out_of_plane, told_clearance
-from .vibration import Modes, modes
 
 PACKAGES = ("numpy", "scipy", "scikit-fem", "numba", "meshio", "pyvista", "vtk", "h5py", "pyamg")
 

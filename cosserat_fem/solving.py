@@ -10,19 +10,19 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict
 
-from .continuation import STEPS, trace_path
-from .dynamics import RigidVelocity, solve_dynamic
+from .equilibrium.continuation import STEPS, trace_path
+from .equilibrium.statics import solve_quasistatic, solve_static
 from .errors import ConvergenceError, SceneError, cause
 from .frames import CHECKPOINT, FRAMES, FrameFile, read_checkpoint, read_frames, with_terms, write_checkpoint
 from .history import History
-from .integrator import AdaptiveStep, Checkpoint, FixedStep, Run
 from .limits.verdicts import watches
 from .model import Model
+from .motion.dynamics import RigidVelocity, solve_dynamic
+from .motion.integrator import AdaptiveStep, Checkpoint, FixedStep, Run
 from .record import Record
 from .scene import Scene
 from .scene.tables import SolveTable
 from .space import State
-from .statics import solve_quasistatic, solve_static
 from .theories import Comparison, compare_theories
 
 COUNTED = ("iterations", "residuals")  # counters that go on in a resumed run

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from .drive import as_peaks, describe_torque
+from .equilibrium.stability import leaves_plane
+from .equilibrium.vibration import Modes
 from .export import hinged_parts
 from .history import History
 from .limits.allowed import beside_supports
@@ -20,8 +22,6 @@ from .limits.quantities import bend_radius, distance_from_drawing, worst
 from .mechanism import Hinge, Part
 from .rod import Rod
 from .section import Section
-from .stability import leaves_plane
-from .vibration import Modes
 
 
 def describe(history: History, parts: Sequence[Part] = (), known: Collection[tuple[str, str]] = ()) -> dict[str, Any]:

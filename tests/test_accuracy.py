@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import cosserat_fem as cf
-from cosserat_fem.accuracy import InTime, Richer, raised
-from cosserat_fem.drift import gyroscopic
-from cosserat_fem.newton import Newton
-from cosserat_fem.transfer import Transfer, at_places, lagrange
+from cosserat_fem.accuracy.drift import gyroscopic
+from cosserat_fem.accuracy.estimate import InTime, Richer, raised
+from cosserat_fem.accuracy.transfer import Transfer, at_places, lagrange
+from cosserat_fem.iteration.newton import Newton
 
 
 def hanging(n_elements=4, order=2, **options):
@@ -134,7 +134,7 @@ def test_rigid_turning_in_space_has_no_error_of_elements():
 
 def test_every_peak_of_a_motion_has_an_error():
     """Also of a held motion whose error would grow: what is not finite is told as None."""
-    from cosserat_fem.accuracy import add_errors
+    from cosserat_fem.accuracy.estimate import add_errors
     from cosserat_fem.summary import describe
 
     history = cf.solve_dynamic(
@@ -203,7 +203,7 @@ def test_what_cannot_be_asked():
 
 
 def test_an_accuracy_that_is_not_reached_is_told(monkeypatch):
-    from cosserat_fem import refine
+    from cosserat_fem.accuracy import refine
 
     monkeypatch.setattr(refine, "ROUNDS", 1)
     monkeypatch.setattr(refine, "FASTEST", 1.1)

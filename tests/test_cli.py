@@ -132,7 +132,7 @@ def test_stopped_run_keeps_what_it_found(scene, tmp_path, capsys, monkeypatch):
     """No convergence at the third station: exit 1, partial results written, the reason in summary.json."""
     from dataclasses import replace
 
-    from cosserat_fem.newton import Newton
+    from cosserat_fem.iteration.newton import Newton
 
     for name in ("plain", "guarded"):
         method = getattr(Newton, name)
@@ -154,7 +154,7 @@ def test_stopped_run_keeps_what_it_found(scene, tmp_path, capsys, monkeypatch):
 
 def press_ctrl_c(monkeypatch, at, times=1):
     """Ctrl-C while the given station is sought, as often as told."""
-    from cosserat_fem import statics
+    from cosserat_fem.equilibrium import statics
 
     inner, calls = statics._travel, []
 
@@ -202,7 +202,7 @@ STATIC = SCENE.replace('kind = "quasistatic"\nduration = "2 s"', 'kind = "static
 
 
 def test_interrupt_stops_a_static_run_at_once(scene, tmp_path, monkeypatch, capsys):
-    from cosserat_fem import statics
+    from cosserat_fem.equilibrium import statics
 
     inner = statics._equilibrium
 

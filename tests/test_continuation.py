@@ -6,9 +6,9 @@ from scipy.optimize import brentq
 from scipy.special import ellipk
 
 import cosserat_fem as cf
-from cosserat_fem import continuation
-from cosserat_fem.arclength import LoadFactor, Path, Time
-from cosserat_fem.newton import Newton
+from cosserat_fem.equilibrium import continuation
+from cosserat_fem.iteration.arclength import LoadFactor, Path, Time
+from cosserat_fem.iteration.newton import Newton
 from cosserat_fem.record import Record
 
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 import cosserat_fem as cf
-from cosserat_fem import statics
+from cosserat_fem.accuracy.transfer import Transfer
 from cosserat_fem.cli import main
 from cosserat_fem.design.command import run_design
 from cosserat_fem.design.search import best, front, search
 from cosserat_fem.design.trial import Trial, Trials
+from cosserat_fem.equilibrium import statics
 from cosserat_fem.scene import build_scene, shipped_scene
 from cosserat_fem.scene.load import parse
-from cosserat_fem.transfer import Transfer
 
 EXAMPLES = pathlib.Path(__file__).parents[1] / "examples"
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import cosserat_fem as cf
-from cosserat_fem import newton
-from cosserat_fem.integrator import Run
+from cosserat_fem.iteration import newton
 from cosserat_fem.kernels.inertia import inverse_tangent
 from cosserat_fem.kernels.rotation import matrix_from_vector, relative_rotation
+from cosserat_fem.motion.integrator import Run
 from cosserat_fem.terms.inertial import Driven, InertiaStep, Rates
 
 SOFT = cf.Section(

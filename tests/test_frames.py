@@ -325,7 +325,7 @@ def test_memory_of_contact_is_in_the_checkpoint(tmp_path):
     """Slips, scales and works by term, in the order of the model."""
     import cosserat_fem as cf
     from cosserat_fem.frames import with_terms, write_checkpoint
-    from cosserat_fem.integrator import Checkpoint
+    from cosserat_fem.motion.integrator import Checkpoint
     from cosserat_fem.space import Contact, Touch
     from cosserat_fem.terms.inertial import Rates
 

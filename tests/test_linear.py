@@ -5,7 +5,7 @@ import pytest
 from scipy.sparse import csr_matrix
 
 import cosserat_fem as cf
-from cosserat_fem.linear import AMG_JOINTS, LinearSolver, solve_amg, solve_sparse
+from cosserat_fem.iteration.linear import AMG_JOINTS, LinearSolver, solve_amg, solve_sparse
 
 SECTION = cf.Section.round(0.004, youngs_modulus=2e9)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import cosserat_fem as cf
-from cosserat_fem.march import Clock, Resolution, Watch
+from cosserat_fem.equilibrium.march import Clock, Resolution, Watch
 
 DEGREE = np.radians(1.0)
 SLENDER = cf.Section(force_stiffness=(1e5, 1e5, 1e5), moment_stiffness=(1e-2, 1e-2, 0.8e-2))
@@ -164,7 +164,7 @@ def test_stopped_on_the_way_back():
 def test_failure_on_the_way_keeps_what_was_found(monkeypatch):
     from dataclasses import replace
 
-    from cosserat_fem.newton import Newton
+    from cosserat_fem.iteration.newton import Newton
 
     for name in ("plain", "guarded"):
         whole = getattr(Newton, name)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import cosserat_fem as cf
-from cosserat_fem import newton
-from cosserat_fem.newton import Newton
+from cosserat_fem.iteration import newton
+from cosserat_fem.iteration.newton import Newton
 
 SECTION = cf.Section(
     force_stiffness=(400, 500, 1000), moment_stiffness=(0.1, 0.2, 0.08), mass_per_length=0.05,
@@ -152,7 +152,7 @@ def test_steps_in_one_call_are_those_made_one_by_one(plane, monkeypatch):
         return cf.solve_dynamic(model, 0.3, step=cf.FixedStep(0.01), times=[0, 0.05, 0.1, 0.2, 0.3])
 
     together = run()
-    monkeypatch.setattr("cosserat_fem.integrator.Run._advance_together", lambda run: False)
+    monkeypatch.setattr("cosserat_fem.motion.integrator.Run._advance_together", lambda run: False)
     single = run()
     assert [s[:2] for s in together.steps] == [s[:2] for s in single.steps]
     assert together.counters.iterations == single.counters.iterations

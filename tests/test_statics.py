@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import cosserat_fem as cf
-from cosserat_fem.newton import Newton
+from cosserat_fem.iteration.newton import Newton
 
 SLENDER = cf.Section(force_stiffness=(1e5, 1e5, 1e5), moment_stiffness=(1e-2, 1e-2, 0.8e-2))
 

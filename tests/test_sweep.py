@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import cosserat_fem as cf
-from cosserat_fem import statics
 from cosserat_fem.cli import main
+from cosserat_fem.equilibrium import statics
 from cosserat_fem.scene import shipped_scene
 from cosserat_fem.summary import flat
 from cosserat_fem.sweep.command import run_sweep

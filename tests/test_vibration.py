@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import cosserat_fem as cf
-from cosserat_fem import vibration
-from cosserat_fem.newton import Newton
+from cosserat_fem.equilibrium import vibration
+from cosserat_fem.iteration.newton import Newton
 
 SECTION = cf.Section(
     force_stiffness=(2e4, 2e4, 5e4), moment_stiffness=(1.0, 1.4, 0.8), mass_per_length=2.0, rotary_inertia=(1e-3, 1e-3, 2e-3)

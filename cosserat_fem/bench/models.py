@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from ..dynamics import solve_dynamic
+from ..equilibrium.statics import solve_quasistatic, solve_static
 from ..history import History
-from ..integrator import FixedStep
 from ..mechanism import Hinge, Part, Slider
 from ..model import Model
+from ..motion.dynamics import solve_dynamic
+from ..motion.integrator import FixedStep
 from ..rod import Rod
 from ..scene import load_scene
 from ..section import Section
 from ..shapes import Cylinder
-from ..statics import solve_quasistatic, solve_static
 from ..support import Clamp, Pin
 from ..terms import Gravity, PartContact, PointLoad
 from . import problems as p

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from ..equilibrium.statics import solve_static
 from ..model import Model
 from ..rod import Rod
-from ..statics import solve_static
 from ..support import Clamp
 from ..terms import Gravity
 from . import problems as p

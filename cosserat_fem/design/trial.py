@@ -13,7 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from ..accuracy.transfer import Transfer
 from ..drive import describe_drive
+from ..equilibrium.statics import solve_static
 from ..errors import ConvergenceError, SceneError, nearest
 from ..history import History
 from ..limits.quantities import bend_radius
@@ -26,9 +28,7 @@ from ..scene.tables import LimitTable
 from ..scene.units import measured
 from ..solving import solve_scene
 from ..space import State
-from ..statics import solve_static
 from ..summary import describe, flat, size
-from ..transfer import Transfer
 
 SAME = 1e-12  # of a range: designs this close are one
 PARTS = 6  # times that the way from the nearest design is halved

@@ -19,9 +19,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ..accuracy import add_errors
+from ..accuracy.estimate import add_errors
+from ..equilibrium.march import Watch
 from ..history import History
-from ..march import Watch
 from ..mechanism import Hinge, Part
 from .allowed import Check, Limit, checks_of
 from .gaps import clearance_along, closest, roughly

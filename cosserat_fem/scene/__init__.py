@@ -15,15 +15,15 @@ from typing import Any
 
 import numpy as np
 
-from ..continuation import STEPS
+from ..accuracy.refine import check_accuracy
 from ..drive import Drive
-from ..dynamics import check_dynamic
+from ..equilibrium.continuation import STEPS
+from ..equilibrium.march import Resolution, Watch
 from ..errors import SceneError
 from ..limits.allowed import Check
-from ..march import Resolution, Watch
 from ..mechanism import Part
 from ..model import Model
-from ..refine import check_accuracy
+from ..motion.dynamics import check_dynamic
 from ..terms import Term
 from .aim import design_faults
 from .build import Builder

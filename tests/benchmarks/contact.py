@@ -22,7 +22,7 @@ import time
 import numpy as np
 
 import cosserat_fem as cf
-from cosserat_fem.barrier import Approach
+from cosserat_fem.iteration.barrier import Approach
 
 ROOT = pathlib.Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests"))

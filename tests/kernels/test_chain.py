@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import cosserat_fem as cf
-from cosserat_fem.linear import LinearSolver
-from cosserat_fem.newton import Newton
+from cosserat_fem.iteration.linear import LinearSolver
+from cosserat_fem.iteration.newton import Newton
 from helpers import curved_space
 
 

@@ -15,7 +15,7 @@ ASKED = [1e-3, 1e-5]
 
 def on_places(history, name, places):
     """Places of a rod at arc lengths, by its shape functions."""
-    from cosserat_fem.transfer import at_places
+    from cosserat_fem.accuracy.transfer import at_places
 
     model = history.model
     (rod,) = [r for r in model.rods if r.name == name]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import cosserat_fem as cf
-from cosserat_fem.accuracy import Richer
+from cosserat_fem.accuracy.estimate import Richer
 from cosserat_fem.model import Model
 from cosserat_fem.rod import Elements
 

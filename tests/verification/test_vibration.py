@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 from scipy.special import jn_zeros
 
 import cosserat_fem as cf
-from cosserat_fem.newton import Newton
+from cosserat_fem.iteration.newton import Newton
 
 FREE = {"clamped": (), "pinned": ("ry", "rz")}
 PLAIN = ["slender r/L=0.01", "stocky r/L=0.05"]

@@ -12,17 +12,17 @@ from typing import Any, Literal
 
 import numpy as np
 
-from .errors import SceneError, check_number, check_positive, check_shape
-from .history import History
+from ..accuracy.refine import check_accuracy
+from ..accuracy.transfer import Transfer
+from ..equilibrium.statics import solve_static
+from ..errors import SceneError, check_number, check_positive, check_shape
+from ..history import History
+from ..kernels.rotation import matrix_from_quaternion, multiply, quaternion_from_vector, relative_rotation
+from ..model import Model
+from ..space import State
+from ..terms.inertial import Rates
 from .integrator import AdaptiveStep, Checkpoint, FixedStep, Run
-from .kernels.rotation import matrix_from_quaternion, multiply, quaternion_from_vector, relative_rotation
-from .model import Model
-from .refine import check_accuracy
-from .space import State
-from .statics import solve_static
 from .stepping import motion_to_accuracy
-from .terms.inertial import Rates
-from .transfer import Transfer
 
 KEPT = 101  # states of a run with an accuracy, if nothing is said
 

@@ -14,15 +14,15 @@ from typing import Literal
 
 import numpy as np
 
-from .arclength import FIRST, LONGEST, LoadFactor, Path, Point, Time
-from .errors import ConvergenceError, SceneError, check_integer, check_number, check_positive
-from .history import History
-from .model import Model
-from .newton import Newton
-from .record import CriticalPoint, Kind, Record
-from .space import State
+from ..errors import ConvergenceError, SceneError, check_integer, check_number, check_positive
+from ..history import History
+from ..iteration.arclength import FIRST, LONGEST, LoadFactor, Path, Point, Time
+from ..iteration.newton import Newton
+from ..model import Model
+from ..record import CriticalPoint, Kind, Record
+from ..space import State
+from ..terms import Term
 from .statics import solve_static
-from .terms import Term
 from .vibration import Modes, modes
 
 STEPS = 400

@@ -21,16 +21,16 @@ from typing import Literal
 
 import numpy as np
 
-from .arclength import FIRST, Path, Time
-from .errors import ConvergenceError, SceneError, check_integer, check_number, check_shape
-from .history import History
-from .kernels.rotation import relative_rotation, rotate_bodies
+from ..accuracy.refine import check_accuracy, to_accuracy
+from ..errors import ConvergenceError, SceneError, check_integer, check_number, check_shape
+from ..history import History
+from ..iteration.arclength import FIRST, Path, Time
+from ..iteration.newton import Newton, Solved
+from ..kernels.rotation import relative_rotation, rotate_bodies
+from ..model import Model
+from ..record import Record
+from ..space import State
 from .march import Clock, March, Resolution
-from .model import Model
-from .newton import Newton, Solved
-from .record import Record
-from .refine import check_accuracy, to_accuracy
-from .space import State
 
 log = logging.getLogger(__name__)
 

@@ -17,10 +17,10 @@ from scipy.linalg import eig, eigh
 from scipy.sparse import csc_matrix, diags
 from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator, SuperLU, eigs, eigsh, splu
 
-from .errors import CosseratError, SceneError, check_integer, one_line
-from .model import Model
-from .newton import STAGNANT, Newton
-from .space import State
+from ..errors import CosseratError, SceneError, check_integer, one_line
+from ..iteration.newton import STAGNANT, Newton
+from ..model import Model
+from ..space import State
 
 DENSE, UNSYMMETRIC = 400, 100  # unknowns up to which a dense solution is faster, with a symmetric tangent and without
 AT_REST = 1e-6  # relative residual of an equilibrium

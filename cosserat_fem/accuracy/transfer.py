@@ -15,10 +15,10 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from .model import Model
-from .rod import Rod
-from .space import RodNodes, Space, State, gauss_lobatto
-from .terms.inertial import Rates
+from ..model import Model
+from ..rod import Rod
+from ..space import RodNodes, Space, State, gauss_lobatto
+from ..terms.inertial import Rates
 
 
 def lagrange(points: np.ndarray, x: np.ndarray) -> np.ndarray:

@@ -20,16 +20,16 @@ from time import thread_time
 
 import numpy as np
 
+from ..constraint import Held, Targets
+from ..errors import KardanError
+from ..kernels.nodes import largest_increment, largest_residual
+from ..model import Model, Step, Sum
+from ..record import Counters
+from ..space import State
+from ..terms.touch import Pressed
 from .barrier import Approach
 from .compiled import Answer, Compiled, takes
-from .constraint import Held, Targets
-from .errors import KardanError
-from .kernels.nodes import largest_increment, largest_residual
 from .linear import LinearSolver
-from .model import Model, Step, Sum
-from .record import Counters
-from .space import State
-from .terms.touch import Pressed
 
 RESIDUAL = 1e-11  # relative
 ROUND_OFF = 2 * np.finfo(float).eps

@@ -26,16 +26,16 @@ from typing import Any
 
 import numpy as np
 
-from .history import History
-from .kernels.inertia import step_inertia
-from .kernels.rotation import matrix_from_quaternion
-from .linear import LinearSolver
-from .model import Model
-from .newton import SMALLEST_SHIFT
-from .record import Record
-from .space import Space, State, lanes
-from .terms.dissipative import tables_at_rate
-from .terms.inertial import Rates, constants
+from ..history import History
+from ..iteration.linear import LinearSolver
+from ..iteration.newton import SMALLEST_SHIFT
+from ..kernels.inertia import step_inertia
+from ..kernels.rotation import matrix_from_quaternion
+from ..model import Model
+from ..record import Record
+from ..space import Space, State, lanes
+from ..terms.dissipative import tables_at_rate
+from ..terms.inertial import Rates, constants
 from .transfer import Transfer
 
 AM, AF, BETA, GAMMA = constants(0.0)

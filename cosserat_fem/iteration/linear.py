@@ -21,12 +21,12 @@ import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 
-from .constraint import Constraints, Held
-from .kernels import chain, condense
-from .kernels.beam import LANES
-from .kernels.nodes import largest_increment
-from .space import Space, State
-from .terms.internal import Condensed
+from ..constraint import Constraints, Held
+from ..kernels import chain, condense
+from ..kernels.beam import LANES
+from ..kernels.nodes import largest_increment
+from ..space import Space, State
+from ..terms.internal import Condensed
 
 AMG_JOINTS = 5000
 SPACE_DEGREE = 2.5  # segments for each joint: 3 in a cubic lattice, 2 in a flat net

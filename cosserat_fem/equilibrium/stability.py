@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from .history import History
-from .linear import LinearSolver
-from .model import Model
-from .newton import SMALLEST_SHIFT, Newton
-from .space import State
+from ..history import History
+from ..iteration.linear import LinearSolver
+from ..iteration.newton import SMALLEST_SHIFT, Newton
+from ..model import Model
+from ..space import State
 
 
 def out_of_plane(model: Model, state: State) -> int | None:

@@ -30,19 +30,19 @@ from typing import Any
 
 import numpy as np
 
-from .compiled import Moving
-from .errors import ConvergenceError, SceneError, check_positive
-from .history import History
+from ..errors import ConvergenceError, SceneError, check_positive
+from ..history import History
+from ..iteration.compiled import Moving
+from ..iteration.newton import Newton, Solved
+from ..kernels.inertia import largest_change
+from ..kernels.rotation import quaternion_from_matrix, relative_rotation
+from ..model import Model
+from ..record import Record
+from ..space import State
+from ..terms.dissipative import damped_tables, tables_at_rate
+from ..terms.inertial import InertiaStep, Rates, constants
 from .impact import Impact
-from .kernels.inertia import largest_change
-from .kernels.rotation import quaternion_from_matrix, relative_rotation
-from .model import Model
-from .newton import Newton, Solved
 from .rates import NOBODY, Balance
-from .record import Record
-from .space import State
-from .terms.dissipative import damped_tables, tables_at_rate
-from .terms.inertial import InertiaStep, Rates, constants
 
 TOLERANCE = 1e-9  # relative residual of a time step
 SMALLEST = 1e-10  # of the duration: a step shorter than this ends the run

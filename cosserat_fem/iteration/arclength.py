@@ -24,15 +24,15 @@ from typing import Protocol
 
 import numpy as np
 
-from .constraint import Held
-from .errors import KardanError
-from .kernels.nodes import largest_increment
-from .kernels.rotation import relative_rotation
-from .model import Model, Sum
+from ..constraint import Held
+from ..errors import KardanError
+from ..kernels.nodes import largest_increment
+from ..kernels.rotation import relative_rotation
+from ..model import Model, Sum
+from ..record import CriticalPoint
+from ..space import State
+from ..terms import Term
 from .newton import RESIDUAL, STAGNANT, Newton
-from .record import CriticalPoint
-from .space import State
-from .terms import Term
 
 SHIFT = 1e-9  # weight of the diagonal shift that keeps a rod that spins freely from counting by its round-off
 ITERATIONS = 14

@@ -17,14 +17,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from .accuracy import raised
-from .errors import ConvergenceError
-from .history import History
-from .model import Model
-from .record import Chosen
-from .refine import PILOT_ORDER, pilot_elements
-from .rod import Elements
-from .transfer import Transfer
+from ..accuracy.estimate import raised
+from ..accuracy.refine import PILOT_ORDER, pilot_elements
+from ..accuracy.transfer import Transfer
+from ..errors import ConvergenceError
+from ..history import History
+from ..model import Model
+from ..record import Chosen
+from ..rod import Elements
 
 SHARE = 0.4  # of the accuracy for the elements, and for the steps
 ALMOST, AIM = 3.0, 0.95  # error, in parts of the wanted one, from which no whole halving is needed; step then aimed at

@@ -14,10 +14,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from .errors import SceneError
-from .model import Model
-from .space import Contact, State
-from .terms.touch import Pressed
+from ..errors import SceneError
+from ..model import Model
+from ..space import Contact, State
+from ..terms.touch import Pressed
 
 SMALLEST = 1e-9  # part of an increment: less is no way forward
 NEARLY_SHUT, STIFFER = 0.05, 30.0  # part of its range to which a gap may shrink before its pressure scale grows so much

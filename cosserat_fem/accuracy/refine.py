@@ -23,15 +23,15 @@ from typing import Any
 
 import numpy as np
 
-from .accuracy import Richer, moved
-from .errors import ConvergenceError, check_positive
-from .history import History
-from .mechanism import Hinge
-from .model import Model
-from .newton import Newton
-from .record import Chosen, Record
-from .rod import Elements, Rod
-from .space import State
+from ..errors import ConvergenceError, check_positive
+from ..history import History
+from ..iteration.newton import Newton
+from ..mechanism import Hinge
+from ..model import Model
+from ..record import Chosen, Record
+from ..rod import Elements, Rod
+from ..space import State
+from .estimate import Richer, moved
 from .transfer import Transfer
 
 PILOT_ORDER, PILOT_ELEMENTS = 3, 6

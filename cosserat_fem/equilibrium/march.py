@@ -22,12 +22,12 @@ from typing import Any, Literal
 import numpy as np
 from scipy.optimize import brent
 
-from .errors import ConvergenceError, check_positive
-from .history import History
-from .mechanism import Hinge, Part
-from .model import Model
-from .record import CriticalPoint, Record
-from .rod import Rod
+from ..errors import ConvergenceError, check_positive
+from ..history import History
+from ..mechanism import Hinge, Part
+from ..model import Model
+from ..record import CriticalPoint, Record
+from ..rod import Rod
 
 HALVINGS = 3  # of a step where a curve bends
 DROP = 1e-3  # of the largest value: a peak is one when a curve has come down so far from it

@@ -19,14 +19,14 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import CosseratError
+from ..history import History
+from ..iteration.newton import Newton
+from ..mechanism import Part
+from ..model import Model
+from ..record import Record
+from ..rod import Elements
 from .drift import space_errors, time_errors
-from .errors import CosseratError
-from .history import History
-from .mechanism import Part
-from .model import Model
-from .newton import Newton
-from .record import Record
-from .rod import Elements
 from .transfer import Transfer, at_places
 
 log = logging.getLogger(__name__)

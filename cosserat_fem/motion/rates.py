@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .model import Model
-from .space import State
-from .terms.inertial import Driven
+from ..model import Model
+from ..space import State
+from ..terms.inertial import Driven
 
 JUMP = 1e-5  # in rod lengths, or rad, over the duration: velocities that differ by more jump
 NOBODY = Driven(np.empty(0, dtype=np.int64), np.empty((0, 2, 3)), np.empty((0, 2, 3)))

@@ -17,18 +17,18 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from .constraint import Targets
-from .kernels import chain, planar
-from .kernels.beam import LANES
-from .kernels.rest import keep, settle
-from .kernels.step import newton, run_steps
+from ..constraint import Targets
+from ..kernels import chain, planar
+from ..kernels.beam import LANES
+from ..kernels.rest import keep, settle
+from ..kernels.step import newton, run_steps
+from ..model import Model
+from ..plane import ScenePlane
+from ..space import State
+from ..terms.external import NO_LOADS, NodalLoads
+from ..terms.inertial import Driven, InertiaStep, Rates
+from ..terms.internal import QuaternionBeam
 from .linear import segments_of
-from .model import Model
-from .plane import ScenePlane
-from .space import State
-from .terms.external import NO_LOADS, NodalLoads
-from .terms.inertial import Driven, InertiaStep, Rates
-from .terms.internal import QuaternionBeam
 
 REASONS = (
     "", "the residual is not a finite number", "no convergence within {} iterations", "the tangent is singular",

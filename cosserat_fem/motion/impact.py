@@ -18,11 +18,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .model import Model
-from .newton import Solved
+from ..iteration.newton import Solved
+from ..model import Model
+from ..space import State
+from ..terms.inertial import InertiaStep, Rates
 from .rates import Balance
-from .space import State
-from .terms.inertial import InertiaStep, Rates
 
 RESOLVED = 0.5  # of the speed where it acts: what contact may add to it in a step that resolves it
 LASTING = 0.3  # of an acceleration: what contact that lasts may leave of it
