@@ -1,7 +1,7 @@
 """Which elements does an accuracy need? Order and graded elements, found by the error of what is reported.
 
 Rule: a coarse travel finds the states; at the stations where something reported has its peak, and at some between, states
-are carried from mesh to mesh until the estimate of `accuracy` holds there; then the whole travel is run once on that mesh
+are carried from mesh to mesh until the estimated error holds there; then the whole travel is run once on that mesh
 and judged again. Reported are the components of reactions, hinge torques and places of nodes, each in parts of its peak
 over the run; of a place in parts of the rod's length.
 
