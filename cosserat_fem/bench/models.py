@@ -256,9 +256,9 @@ SOLVERS = {
         pendulum, _in_time("D2"), lambda h: h.positions("rod")[:, -1],
         _over_time(True, {
             1: [(16, 0.005, False), (32, 0.005, False)],
-            2: [(6, 0.005, False), (8, 0.005, False), (10, 0.005, False), (12, 1 / 300, True), (16, 0.0025, True)],
-            3: [(4, 0.01, False), (5, 0.005, False), (6, 1 / 300, False), (8, 1 / 300, True), (12, 0.0025, True)],
-            4: [(4, 0.005, False), (6, 0.005, True), (6, 1 / 300, True), (8, 0.0025, True), (12, 0.00125, True)],
+            2: [(6, 0.005, False), (6, 1 / 300, False), (8, 1 / 300, False), (12, 1 / 300, True), (16, 0.0025, True)],
+            3: [(4, 0.01, False), (5, 0.005, False), (5, 1 / 300, False), (8, 1 / 300, True), (12, 0.0025, True)],
+            4: [(3, 1 / 300, False), (4, 1 / 300, False), (5, 1 / 300, True), (6, 1 / 300, True), (12, 0.00125, True)],
         }),
     ),
     "D3": Solver(

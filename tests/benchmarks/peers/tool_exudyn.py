@@ -297,7 +297,8 @@ def cases(name):
     elif name == "D2":
         for kind, n, dt in (
             ("linear", 8, 0.01), ("linear", 16, 0.005), ("quadratic", 4, 0.01), ("quadratic", 6, 0.01),
-            ("quadratic", 8, 0.005), ("quadratic", 8, 0.0025), ("quadratic", 12, 0.0025), ("quadratic", 18, 0.00125),
+            ("quadratic", 6, 0.005), ("quadratic", 6, 1 / 300), ("quadratic", 8, 0.005), ("quadratic", 8, 0.0025),
+            ("quadratic", 12, 0.0025), ("quadratic", 14, 1 / 600), ("quadratic", 18, 1 / 600), ("quadratic", 18, 0.00125),
             ("quadratic", 24, 0.001), ("quadratic", 24, 5e-4), ("quadratic", 32, 5e-4), ("quadratic", 48, 2.5e-4),
         ):  # fmt: skip
             of(f"planar, {kind}, modified Newton", f"n={n}, dt={dt:g}", pendulum, n, kind, dt, modified=True)
