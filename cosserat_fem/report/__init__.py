@@ -14,11 +14,11 @@ from collections.abc import Iterator
 from typing import Any
 
 from ..cables.band import FOLDER as STICK
-from .errors import SceneError
-from .export import replace_file
+from ..errors import SceneError
+from ..export import replace_file
+from ..plots import figures
 from .findings import MARKS, band, checks, count, hinges, judgements, results
 from .page import Raw, chart, film, number, page, picture, table, text
-from .plots import figures
 
 if sys.version_info >= (3, 11):
     import tomllib
