@@ -441,7 +441,7 @@ def triangles(data):
     try:
         if data[:5] == b"solid" and b"vertex" in data:
             corners = [line.split()[1:] for line in data.decode().splitlines() if line.split()[:1] == ["vertex"]]
-            facets = np.array(corners, dtype="<f4").reshape(-1, 3, 3)
+            facets = np.array(corners, dtype="<f4").reshape(-1, 3, 3).astype(float)  # squares of large ones fit
         else:
             (count,) = struct.unpack("<I", data[80:84])
             facets = np.array(list(struct.iter_unpack("<12fH", data[84 : 84 + 50 * count])))[:, 3:12].reshape(-1, 3, 3)

@@ -54,6 +54,7 @@ RUBBED = 0.1  # part of the work of friction in a step that may be missing
 GAINED, LOST = 1e-6, 2e-3  # parts of the largest energy that contact may add in all, or take in a step, by itself
 LITTLE = 1e-3  # of that: added in one step, it is none
 TOGETHER = 20_000  # steps times nodes in one compiled call: a run can be interrupted between calls
+ALIKE = 1e-6  # part of a step: by so much steps may be longer than asked, where times lost digits on a long way
 SHORT = 1e-3  # part of a step over which a strain rate is measured
 BEFORE = 1e-13  # of the duration: how long before a jump of a load the step that ends there is evaluated
 
@@ -351,7 +352,7 @@ class Run:
         while k < len(self._stops) and len(plan) < most:
             stop, (jumps, settles, keeps) = float(self._stops[k]), self._at_stop[k]
             left = stop - t
-            n = max(1, int(np.ceil(left / self.wanted_h - 1e-9)))
+            n = max(1, int(np.ceil(left / self.wanted_h - ALIKE)))
             if n == 1 and (jumps or settles):
                 break
             t1 = stop if n == 1 else t + left / n
@@ -374,7 +375,7 @@ class Run:
             k = int(np.searchsorted(self._stops, self.state.t + near))
             stop = float(self._stops[k])
             left = stop - self.state.t
-            n = max(1, int(np.ceil(left / wanted - 1e-9)))
+            n = max(1, int(np.ceil(left / wanted - ALIKE)))
             h = left / n
             t1 = stop if n == 1 else self.state.t + h
             jumps, settles, keeps = self._at_stop[k] if n == 1 else (False, False, self.times is None)
