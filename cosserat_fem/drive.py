@@ -352,16 +352,14 @@ def write_joint_models(history: History, path: str | os.PathLike[str]) -> None:
 
 def write_drives(history: History, path: str | os.PathLike[str], drives: Sequence[Drive]) -> None:
     """CSV of the torque [N m] that each drive must have and has at each state of each stroke, in the sense of the motion,
-    and the margin, empty where nothing resists."""
+    empty where its table says nothing, and the margin, also empty where nothing resists."""
     rows: list[list[Any]] = []
     for drive in drives:
         m = margins(history, drive)
         for k, row in enumerate(m.rows):
-            margin = float(m.margin[k]) if np.isfinite(m.margin[k]) else ""
+            known = (float(x[k]) if np.isfinite(x[k]) else "" for x in (m.available, m.margin))
             angle = float(np.degrees(m.angle[k]))
-            rows.append(
-                [history.order[row], drive.part.name, angle, int(m.sense[k]), m.required[k], m.available[k], margin]
-            )
+            rows.append([history.order[row], drive.part.name, angle, int(m.sense[k]), m.required[k], *known])
     names = ["part", "angle_deg", "sense", "required", "available", "margin"]
     write_csv(path, ["station" if history.path else "time", *names], rows)
 

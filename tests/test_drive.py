@@ -17,6 +17,7 @@ from cosserat_fem.drive import (
     margins,
     rod_torque,
     strokes,
+    write_drives,
 )
 from cosserat_fem.plots import plot_run
 
@@ -157,7 +158,7 @@ def test_a_crooked_curve_is_recommended_as_a_table(hinge):
     assert max(model["table"]["half_band"]) == pytest.approx(0.09, abs=0.02)
 
 
-def test_margin_of_a_spring():
+def test_margin_of_a_spring(tmp_path):
     """Out the bar resists with GJ * angle, back it helps and counts for nothing; bearings resist both ways."""
     history = cf.solve_quasistatic(twisted(), np.arange(0, 31, 5.0), travel="both")
     chuck = history.part("chuck")
@@ -177,6 +178,11 @@ def test_margin_of_a_spring():
     assert said["margin"]["value"] == pytest.approx((0.9 - 0.8 * np.radians(30)) / (GJ * np.radians(30)) - 1.0)
     short = Drive(chuck, ([0.0, 0.3], [0.9, 0.1]))
     assert describe_drive(history, short)["verdict"] == "UNKNOWN"
+    write_drives(history, tmp_path / "drive.csv", [short])
+    rows = [line.split(",") for line in (tmp_path / "drive.csv").read_text().splitlines()[1:]]
+    beyond = [abs(float(row[2])) > np.degrees(0.3) for row in rows]
+    assert [row[-2:] == ["", ""] for row in rows] == beyond
+    assert sum(beyond) == 6
     history.status = "stopped"
     assert describe_drive(history, drive)["verdict"] == "UNKNOWN"
 

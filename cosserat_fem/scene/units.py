@@ -81,8 +81,10 @@ def parse(value: Any, kind: str) -> float:
     number, rest = float(head.group(1)), value[head.end() :]
     if not math.isfinite(number):
         raise ValueError("must be finite")
-    if not rest:
-        return number
+    if not rest.strip():
+        if kind == "number":
+            return number
+        raise ValueError(f'has no unit; write for example "{example}", or a plain number in SI units')
     factor, found = _unit(rest, example)
     if found != dimension:
         article = "an" if kind[0] in "aeiou" else "a"
@@ -93,7 +95,7 @@ def parse(value: Any, kind: str) -> float:
 def measured(value: Any) -> tuple[float, tuple[int, int, int] | None]:
     """A number or a string with any unit, in SI, and its dimension (None without a unit); ValueError if it is neither."""
     head = _NUMBER.match(value) if isinstance(value, str) else None
-    if head is None or not value[head.end() :]:
+    if head is None or not value[head.end() :].strip():
         return parse(value, "number"), None
     factor, dimension = _unit(value[head.end() :], "4 mm")
     return float(head.group(1)) * factor, dimension
