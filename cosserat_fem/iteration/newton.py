@@ -34,10 +34,8 @@ from .linear import LinearSolver
 RESIDUAL = 1e-11  # relative
 ROUND_OFF = 2 * np.finfo(float).eps
 STAGNANT = 32.0  # residual in units of the tolerance, accepted when a small step no longer halves it
-TINY, FELL = (
-    1e-8,
-    1e-3,
-)  # an increment [rad, rod lengths] after which only round-off is left, if the residual fell by so much
+# an increment [rad, rod lengths] after which only round-off is left, if the residual fell by so much
+TINY, FELL = 1e-8, 1e-3
 LINEAR = "linear systems"  # where CPU time is booked besides terms
 NO_REACTIONS = np.empty((0, 6))
 LARGEST_TURN = 0.8  # rad in one guarded step

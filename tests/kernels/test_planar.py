@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import cosserat_fem as cf
-from cosserat_fem.iteration.compiled import border
+from cosserat_fem.iteration.border import border
 from cosserat_fem.kernels import planar
 
 
