@@ -325,6 +325,10 @@ class Space:
             self._memo[key] = make()
         return self._memo[key]
 
+    def forget(self, owner: Hashable) -> None:
+        """Let go what was remembered under keys that begin with an owner, which is of no more use."""
+        self._memo = {key: kept for key, kept in self._memo.items() if not (isinstance(key, tuple) and key[0] is owner)}
+
     def share(self, rod: Rod, profile: Callable[[np.ndarray], np.ndarray] | None = None) -> np.ndarray:
         """Integral (n,) [m] of profile(s) times each shape function, at the rod's nodes in order of s."""
         view = self.views[rod]

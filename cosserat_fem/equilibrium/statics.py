@@ -1,9 +1,10 @@
 """Where is equilibrium? One state, or a travel of states as parts move.
 
-Rule: cheap first. A state is sought with the plain Newton method; if that fails, or ends in an unstable state, with the
-guarded one; then in load steps. A load step is a part of everything at once: the residual of the start state is carried as
-a dead load that is taken away, and the supports close a part of their gaps. In a travel each station starts from the one
-before, extrapolated; where it fails the time step is halved, and a part never turns by more than a quarter turn at once.
+Rule: cheap first. A state is sought with the plain Newton method, and where rods may touch by way of soft contact; if that
+fails, or ends in an unstable state, with the guarded method; then in load steps. A load step is a part of everything at
+once: the residual of the start state is carried as a dead load that is taken away, and the supports close a part of their
+gaps. In a travel each station starts from the one before, extrapolated; where it fails the time step is halved, and a part
+never turns by more than a quarter turn at once.
 
 The unstable states that the plain method may end in are equilibria too; a state is left for a stable one if the guarded
 method finds one from the same start or, where symmetry holds it on the ridge, from a slightly bent start.
@@ -25,6 +26,7 @@ from ..accuracy.refine import check_accuracy, to_accuracy
 from ..errors import ConvergenceError, SceneError, check_integer, check_number, check_shape
 from ..history import History
 from ..iteration.arclength import FIRST, Path, Time
+from ..iteration.easing import eased
 from ..iteration.newton import Newton, Solved
 from ..kernels.rotation import relative_rotation, rotate_bodies
 from ..model import Model
@@ -265,6 +267,8 @@ def _travel(newton: Newton, history: History, before: State | None, t: float) ->
             solved = _prefer_stable(newton, state.at_time(wanted[0]), solved)
         if not solved.converged and not known:
             solved = newton.plain(state.at_time(wanted[0]))
+        if not solved.converged and newton.approach is not None:
+            solved = eased(newton, state.at_time(wanted[0]))
         if not solved.converged and halvings == 0:
             solved = newton.guarded(state.at_time(wanted[0]))
         if solved.converged:
@@ -336,7 +340,7 @@ def _extrapolated(before: State, state: State, t: float) -> State:
 def _equilibrium(newton: Newton, state: State, history: History, *, steps: int | None = None) -> Solved:
     """Equilibrium from a state that may be far from it."""
     if steps is None:
-        solved = newton.settled(state)
+        solved = _settled(newton, state)
         if solved.converged and solved.negative > 0 and not solved.guarded:
             return _prefer_stable(newton, state, solved)
         if solved.converged:
@@ -346,6 +350,16 @@ def _equilibrium(newton: Newton, state: State, history: History, *, steps: int |
         if solved.converged:
             return solved
     raise _failure(newton.model, history, solved, "from the start shape, with plain, guarded and stepped loading")
+
+
+def _settled(newton: Newton, state: State) -> Solved:
+    """Equilibrium from a state, cheap first."""
+    if newton.approach is None:
+        return newton.settled(state)
+    solved = newton.plain(state)
+    if not solved.converged:
+        solved = eased(newton, state)
+    return solved if solved.converged else newton.guarded(state)
 
 
 def _prefer_stable(newton: Newton, state: State, solved: Solved) -> Solved:

@@ -42,8 +42,9 @@ LARGEST_TURN = 0.8  # rad in one guarded step
 FARTHEST = 0.2  # rod lengths in one step with contact
 SHORT = 0.05  # part of a guarded step; one cut to less was a bad one, and the shift grows
 PATIENCE, SHORTER = 4, (1.0, 0.5, 0.25, 0.1, 0.03)  # iterations without progress; parts of a step then tried
-ITERATIONS, TOUCHING, GUARDED = 20, 60, 150  # of a plain solve, without and with contact, and of a guarded one
-HOPELESS = 20  # iterations of a plain static solve with contact that do not halve the residual: others find the way
+# of a plain solve, without contact, with it at rest and in time, where a shorter step costs less; and of a guarded one
+ITERATIONS, TOUCHING, HITTING, GUARDED = 20, 60, 20, 150
+HOPELESS = 20, 10  # iterations of a plain solve with contact, at rest and in time, that do not halve the residual
 SMALLEST_SHIFT = 1e-6
 
 
@@ -91,6 +92,7 @@ class Newton:
         """The same solver, with its scratch and counters, on the same rods and supports under other loads."""
         other = copy(self)
         other.model = model
+        other.approach = Approach(model) if model.contacts else None
         other.compiled = Compiled(model) if self.compiled is not None and takes(model) else None
         return other
 
@@ -174,7 +176,9 @@ class Newton:
         tolerance: float = RESIDUAL,
     ) -> Solved:
         model, constraints, approach = self.model, self.model.constraints, self.approach
-        iterations = iterations or (ITERATIONS if approach is None else TOUCHING)
+        if not iterations:
+            iterations = ITERATIONS if approach is None else TOUCHING if step is None else HITTING
+        hopeless = HOPELESS[0] if step is None else HOPELESS[1]
         targets = targets or constraints.targets(state.t)
         mu = SMALLEST_SHIFT if guarded else 0.0
         moments = np.zeros((constraints.n_supports, 3)) if constraints.tilted else None
@@ -255,8 +259,8 @@ class Newton:
                     scale = min(scale, FARTHEST * model.scales["length"] / max(shift, 1e-300))
                     stalled = stalled + 1 if residual > 0.5 * best else 0
                     best = min(best, residual) if approach.arrived(state) else np.inf
-                    if stalled > HOPELESS and step is None and not guarded:
-                        return stop(f"no progress in {HOPELESS} iterations")
+                    if stalled > hopeless and not guarded:
+                        return stop(f"no progress in {hopeless} iterations")
                     if stalled > PATIENCE:  # friction that sticks and slips in turn
                         scale *= self._downhill(state, du, scale, targets, offset, step, tolerance, residual)
                     moved, scale = approach.move(state, du, scale, stiffen=step is None)

@@ -225,6 +225,13 @@ class PartContact:
         layer = (stiffness * self.start(space).scale / self.radius, thick - 0.9 * min(distance, self.radius))
         return replace(self, radius=thick, friction=0.0, layer=layer, stand_off=0.05 * (thick - layer[1]))
 
+    def widened(self, part: float) -> PartContact:
+        """The same with a barrier that begins where it does and is at least so many radii deep."""
+        room = self.radius if self.layer is None else 0.5 * (self.core + self.range)
+        deep = max(self.range, min(part * self.radius, room))
+        radius = self.radius if self.layer is not None else self.radius + 0.5 * (self.range - deep)
+        return replace(self, radius=radius, stand_off=0.5 * deep)
+
     def potential(self, state: State, space: Space) -> float:
         """Energy [J] stored in the barrier and the layer."""
         found = self._near(space).find(state)

@@ -207,6 +207,14 @@ class RodContact:
         radii = [THICKER * a for a in self.radii]
         return replace(self, radius=radii, friction=0.0, layer=layer, stand_off=0.05 * (thick - layer[1]))
 
+    def widened(self, part: float) -> RodContact:
+        """See `PartContact`; in parts of the smallest radius."""
+        both = 2.0 * min(self.radii)
+        room = both if self.layer is None else 0.5 * (both - self.layer[1])
+        deep = max(self.range, min(0.5 * part * both, room))
+        thinner = 0.0 if self.layer is not None else 0.25 * (self.range - deep)
+        return replace(self, radius=[a + thinner for a in self.radii], stand_off=0.5 * deep)
+
     def potential(self, state: State, space: Space) -> float:
         """Energy [J] stored in the barrier and the layer."""
         found = self._near(space).find(state)
