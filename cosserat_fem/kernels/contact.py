@@ -73,8 +73,8 @@ def press(rows, runs, nodes, coefficients, law, friction, rubbing, exact, force,
     radius (distance at which the barrier is infinite), range, scale, stiffness and depth of a compliant layer; friction
     (3,): mu, elastic slip, lever (radius of the rod). rubbing: kept (K, 3), slip kept from before; away (N, 3), way of each
     node relative to the part since then; theta, T, R: of `turned`, rotation matrices. Empty without friction. exact: keep
-    the part of the stiffness that pressure has by the curvature of the obstacle. found (K, 8): written, pressure, friction
-    per pressure (3), slip (3), potential.
+    the part of the stiffness that pressure has by the curvature of the obstacle. found (K, 8): pressure, friction
+    per pressure (3), slip (3), potential. The stiffness is written whatever it was, the others must be zero.
     Returns the largest weight times stiffness [N/m].
 
     The stiffness at a point is the same for all pairs of nodes a, b but for a factor N_a N_b: it is summed over the points
@@ -240,6 +240,9 @@ def settle(s, of_nodes, of_pairs, tangent, force, stiffness):
             k11, k12, k22 = of_pairs[pair, 3], of_pairs[pair, 4], of_pairs[pair, 5]
             for turn in range(2):
                 i, j = (6 * a, 6 * b) if turn == 0 else (6 * b, 6 * a)
+                for k in range(6):
+                    for l in range(6):
+                        stiffness[s, i + k, j + l] = 0.0
                 stiffness[s, i, j], stiffness[s, i, j + 1], stiffness[s, i, j + 2] = k00, k01, k02
                 stiffness[s, i + 1, j], stiffness[s, i + 1, j + 1], stiffness[s, i + 1, j + 2] = k01, k11, k12
                 stiffness[s, i + 2, j], stiffness[s, i + 2, j + 1], stiffness[s, i + 2, j + 2] = k02, k12, k22

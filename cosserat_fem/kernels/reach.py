@@ -27,7 +27,8 @@ MOST_PIECES = 32  # of a cell over small facets
 ON_STRAND, ON_SHAPE, BENT = 4, 2, 1.1
 FLAT = 1e-10  # of the range of the law: a change of the gap that does not count
 SLOW = 2  # steps in turn that do not halve the stretch on which the smallest gap is
-# Gauss rules on 0 .. 1: three points where a whole cell touches, two on its pieces, four on a stretch that begins or ends
+# Gauss rules on 0 .. 1: three points where a whole cell touches, two of a piece over a facet or between rods, four on a
+# stretch that begins or ends
 X_1, W_1 = np.array([0.0]), np.array([1.0])
 X_2, W_2 = np.array([0.21132486540518713, 0.7886751345948129]), np.array([0.5, 0.5])
 X_3, W_3 = (
@@ -199,7 +200,7 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
     if mesh is not None:
         facets, index, balls = mesh
     e_before = o_before = cell_before = -1  # whose polynomial is known, and the distance at its end
-    g1 = f1 = 0.0
+    gb = fb = g1 = f1 = 0.0
     out[17] = -1.0
     for m in range(entries.shape[0]):
         cell, o, first, last = entries[m, 0], entries[m, 1], entries[m, 2], entries[m, 3]
@@ -212,7 +213,8 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
         goes_on = rods is None and o == o_before and e == e_before and cell == cell_before + 1
         e_before, o_before, cell_before = e, o, -1
         begin, end = number / counts[e], (number + 1) / counts[e]
-        if mesh is not None and kind == MESH:
+        faceted = mesh is not None and kind == MESH
+        if faceted:
             place_at(C, begin, y, slope)
             y0, y1, y2 = y[0], y[1], y[2]
             middle = 0.5 * (begin + end)
@@ -223,36 +225,38 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
             look(C, middle, (kind, size, of_cell, 0, n_cell), facets, rods, at)
             if out[0] - half >= level and out[0] - half - cores[o] >= nearest:
                 continue
-            first, last, few = 0, n_cell, of_cell
-        on = (kind, size, few, first, last)
-        if goes_on:
-            gb, fb = g1, f1
-            place_at(C, begin, y, slope)
+            # its ends are looked at from its pieces, which know fewer triangles
+            first, pieces = 0, pieces_over(facets, of_cell, n_cell, h[e] / counts[e])
         else:
-            look(C, begin, on, facets, rods, at)
-            gb, fb = out[0], out[13]
-        y0, y1, y2 = y[0], y[1], y[2]
-        look(C, end, on, facets, rods, at)
-        g1, f1, cell_before = out[0], out[13], cell
-        if mesh is not None and kind == MESH:
-            pieces = pieces_over(facets, of_cell, n_cell, h[e] / counts[e])
-        elif rods is None and gb < level and g1 < level:
-            pieces = 1
-        else:
-            chord = sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
-            pieces = (ON_STRAND if rods is not None else ON_SHAPE) if gb + g1 - BENT * chord < 2.0 * level else 1
-        b = begin
+            pieces, on = 1, (kind, size, few, first, last)
+            if not goes_on:
+                look(C, begin, on, facets, rods, at)
+                gb, fb = out[0], out[13]
+            look(C, end, on, facets, rods, at)
+            g1, f1 = out[0], out[13]
+            if rods is not None or gb >= level or g1 >= level:
+                y0, y1, y2 = y[0], y[1], y[2]
+                place_at(C, begin, y, slope)
+                chord = sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
+                if gb + g1 - BENT * chord < 2.0 * level:
+                    pieces = ON_STRAND if rods is not None else ON_SHAPE
+        cell_before, b = cell, begin
         for piece in range(pieces):
-            a, ga, fa = b, gb, fb
+            a = b
             b = begin + (end - begin) * (piece + 1) / pieces if piece + 1 < pieces else end
-            if mesh is not None and kind == MESH and pieces > 1:
+            if faceted:
                 place_at(C, a, y, slope)
                 y0, y1, y2 = y[0], y[1], y[2]
-                look(C, 0.5 * (a + b), (kind, size, of_cell, 0, n_cell), facets, rods, at)
+                place_at(C, 0.5 * (a + b), y, slope)
                 half = BENT * sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
+                triangles(facets, index, 0, 0, y, out)  # the last nearest one alone: no nearer than the nearest
                 last, few = along_piece(facets, of_cell, n_cell, y, out[0] + 2.0 * half, of_piece), of_piece
             on = (kind, size, few, first, last)
-            if piece + 1 < pieces:
+            if faceted and piece == 0 and not goes_on:
+                look(C, a, on, facets, rods, at)
+                gb, fb = out[0], out[13]
+            ga, fa = gb, fb
+            if faceted or piece + 1 < pieces:
                 look(C, b, on, facets, rods, at)
                 gb, fb = out[0], out[13]
             else:
@@ -282,7 +286,7 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
             middle = bottom if inner_minimum else low
             X, W = X_4, W_4
             if whole:
-                X, W = (X_3, W_3) if rods is None else (X_2, W_2)
+                X, W = (X_2, W_2) if rods is not None or (faceted and pieces > 1) else (X_3, W_3)
             for k in range(2):
                 count = add_stretch(
                     C, low if k == 0 else middle, middle if k == 0 else high, h[e], X, W, Q[o], on, facets, rods, at, count,

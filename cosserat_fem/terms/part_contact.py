@@ -44,6 +44,9 @@ THICKER, SLIGHTEST = 1.1, 0.02  # radii: of a rod that is pushed out of a part; 
 LEFT = 0.02  # part of a gap, or of the range, that a step must leave
 CLOSING, SPARE = 0.9, 0.3  # part of a gap that one step may close, or all of it but this part of the barrier's range
 STRETCHED = 1.9  # radii: a longer piece of rod between two looked at places could pass an obstacle
+FARTHER = (
+    13.0  # times the largest component of a node's way: more than the ball about a cell moves and grows, to order 4
+)
 NOBODY = np.empty((0, 3, 3))
 SMOOTH = 3 * (np.empty((0, 3)),) + 2 * (NOBODY,)  # no friction, no slip
 
@@ -169,7 +172,7 @@ class PartContact:
         nodes = cells.nodes[touched]
         S, A = nodes.shape
         force = np.zeros((S, A, 6))
-        stiffness = np.zeros((S, 6 * A, 6 * A)) if tangent else NOBODY
+        stiffness = np.empty((S, 6 * A, 6 * A)) if tangent else NOBODY
         values = np.zeros((len(found.rows), 8))
         contact = state.contact or fresh(state, self, space)
         depth = (0.0, 0.0) if self.layer is None else self.layer
@@ -316,6 +319,7 @@ class Near:
         )
         self.middle: np.ndarray | None = None
         self._found: list[tuple[np.ndarray, float, Found]] = []
+        self._seen: tuple[np.ndarray, float]  # where the rod was when it looked around, and when
 
     def poses(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Frames (O, 3, 3) and origins (O, 3) of all obstacles in space."""
@@ -361,6 +365,7 @@ class Near:
         self.obstacles = replace(self.obstacles, mesh=mesh)
         self.middle, self.radius, self.margin = middle, radius, margin
         self.allowed = np.maximum(margin, free)
+        self.least = float(self.allowed.min())
 
     def _runs(self, near: np.ndarray, start: np.ndarray, patch: np.ndarray) -> np.ndarray:
         """Entries (cell, obstacle, first, last) of the candidates of some cells, sorted by patch in each cell."""
@@ -377,13 +382,20 @@ class Near:
         for r, t, found in self._found:
             if r is state.r and t == time:
                 return found
-        pose = self.term.part.pose(time)
-        if self.middle is None or self.cells.strayed(state.r, *pose, self.middle, self.radius, self.allowed):
-            middle, radius = self.cells.balls(state.r, *pose)
-            self.look_around(middle, radius, np.full(len(middle), MARGIN * self.term.radius))
+        if self.middle is None or not self._still(state.r, time):
+            pose = self.term.part.pose(time)
+            if self.middle is None or self.cells.strayed(state.r, *pose, self.middle, self.radius, self.allowed):
+                middle, radius = self.cells.balls(state.r, *pose)
+                self.look_around(middle, radius, np.full(len(middle), MARGIN * self.term.radius))
+                self._seen = state.r, time
         found = search(self.cells, self.entries, state.r, self.obstacles, *self.poses(time))
         self._found = [(state.r, time, found), *self._found[:2]]
         return found
+
+    def _still(self, r: np.ndarray, time: float) -> bool:
+        """True if nodes have hardly moved past the part since it looked around; no cell has strayed then."""
+        seen, then = self._seen
+        return (self.term.part.motion is None or time == then) and FARTHER * np.abs(r - seen).max() < self.least
 
     def keys(self, found: Found) -> np.ndarray:
         """Keys (K,) under which slips are remembered."""
@@ -417,6 +429,7 @@ class Near:
         if self.middle is None or (moved + way > self.allowed).any():
             a = self.term.radius
             self.look_around(*here, np.clip(1.1 * way, MARGIN * a, FURTHEST * a))
+            self._seen = state.r, self.time(state)
             moved = np.zeros_like(way)
         alpha = float(np.min((self.allowed - moved) / np.maximum(way, 1e-300), initial=1.0))
         cells = self.cells
