@@ -16,15 +16,19 @@ from math import sqrt
 import numpy as np
 
 from . import fused, kernel, lean
-from .shapes import MESH, beyond, closed_form, over_facet, triangles
+from .shapes import MESH, TORUS, beyond, closed_form, over_facet, triangles
 from .strand import element_polynomial, nearest_on_strand, place_at
 
 # columns of a point: xi, weight, distance, n (3), H (9); of a point on another rod cell, xi, slope (3), second derivative
 # (3), and 1 if it is free to slide along
 COLUMNS, OUT = 24, 26
 MOST_PIECES = 32  # of a cell over small facets
-# pieces of a cell that may touch, so that each has one smallest gap; longest arc of a cell over its chord
-ON_STRAND, ON_SHAPE, BENT = 4, 2, 1.1
+# pieces of a cell that may touch another rod or a torus; longest arc of a cell over its chord
+ON_STRAND, BENT = 4, 1.1
+SHALLOW, MOST_BENT = (
+    0.05,
+    16,
+)  # part of the range that a second smallest gap in a piece may be lower; most pieces for that
 FLAT = 1e-10  # of the range of the law: a change of the gap that does not count
 SLOW = 2  # steps in turn that do not halve the stretch on which the smallest gap is
 # Gauss rules on 0 .. 1: three points where a whole cell touches, two of a piece over a facet or between rods, four on a
@@ -135,6 +139,44 @@ def add_stretch(C, a, b, h, X, W, Q, on, facets, rods, at, count, entry, rows, o
 
 
 @lean
+def sag(C, a, b):
+    """How far the rod bends off its chord between a and b: its largest second derivative, at three places."""
+    most = 0.0
+    for k in range(3):
+        t = a + 0.5 * k * (b - a) - 0.5
+        square = 0.0
+        for i in range(3):
+            value = 0.0
+            for j in range(C.shape[0] - 1, 1, -1):
+                value = value * t + j * (j - 1) * C[j, i]
+            square += value * value
+        most = max(most, square)
+    return 0.125 * sqrt(most) * (b - a) * (b - a)
+
+
+@lean
+def pieces_as_bent(bend, shallow):
+    """Into how many pieces a cell is cut so that each bends off its chord by no more than `shallow`."""
+    return int(min(np.ceil(sqrt(bend / shallow)), MOST_BENT)) if bend > shallow else 1
+
+
+@lean
+def pieces_of_bent(bend, ga, gb, fa, fb, level, shallow):
+    """The same; 1 for a cell that is nowhere below `level`, or only about its ends. ga, gb, fa, fb: distances and their
+    derivatives there.
+
+    The distance from a convex body is a convex function of the place: along a curve its second derivative is no less than
+    that of the curve, with a minus. From both ends it lies above a parabola; where these two meet they are lowest.
+    """
+    least, slopes = min(ga, gb), fb - fa + 8.0 * bend
+    t = min(max((ga - gb + fb + 4.0 * bend) / slopes, 0.0), 1.0) if slopes > 0.0 else 0.5
+    low = ga + fa * t - 4.0 * bend * t * t
+    if low >= level or least - low <= shallow or (fa < 0.0 < fb and bend <= shallow):
+        return 1
+    return max(2, pieces_as_bent(bend, shallow))
+
+
+@lean
 def pieces_over(facets, index, n, length):
     """Into how many pieces a cell is cut so that each lies over one facet: along every one the rod may come near."""
     total = 0.0
@@ -227,6 +269,8 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
                 continue
             # its ends are looked at from its pieces, which know fewer triangles
             first, pieces = 0, pieces_over(facets, of_cell, n_cell, h[e] / counts[e])
+            if out[0] >= level:
+                pieces = max(pieces, pieces_as_bent(sag(C, begin, end), SHALLOW * (level - cores[o])))
         else:
             pieces, on = 1, (kind, size, few, first, last)
             if not goes_on:
@@ -234,12 +278,15 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
                 gb, fb = out[0], out[13]
             look(C, end, on, facets, rods, at)
             g1, f1 = out[0], out[13]
-            if rods is not None or gb >= level or g1 >= level:
+            if rods is not None or kind == TORUS:
                 y0, y1, y2 = y[0], y[1], y[2]
                 place_at(C, begin, y, slope)
                 chord = sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
                 if gb + g1 - BENT * chord < 2.0 * level:
-                    pieces = ON_STRAND if rods is not None else ON_SHAPE
+                    pieces = ON_STRAND
+            elif gb >= level or g1 >= level:
+                w = end - begin
+                pieces = pieces_of_bent(sag(C, begin, end), gb, g1, w * fb, w * f1, level, SHALLOW * (level - cores[o]))
         cell_before, b = cell, begin
         for piece in range(pieces):
             a = b

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.optimize
 from numba import njit
 
 import cosserat_fem as cf
@@ -351,6 +352,47 @@ def bent(shape, *, amplitude=0.004, order=3, range_=1e-3):
     rod = cf.Rod("r", LAW, np.c_[x, 0.01 * np.sin(3 * x), amplitude * np.cos(9 * x) ** 2], n_elements=12, order=order)
     term = cf.PartContact(rod, cf.Part("p", shape=shape), stand_off=0.5 * range_)
     return term, cf.Model([rod], [cf.Clamp(rod, "start")], [term])
+
+
+EDGE = np.array([(1, 0, 0), (0, 1, 1), (0, -1, 1)]).T / [
+    1,
+    np.sqrt(2),
+    np.sqrt(2),
+]  # axes of a box with an edge upwards
+
+
+@pytest.mark.parametrize("order", [2, 3, 4])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        cf.Plane((0, 0, 0), (0, 0, 1)),
+        cf.Box((0, 0, -0.05 * np.sqrt(2)), (0.3, 0.1, 0.1), EDGE),
+        cf.Capsule((-0.1, 0, 0), (0.1, 0, 0), 5e-4),
+    ],
+    ids=["plane", "edge", "wire"],
+)
+def test_no_dip_is_overlooked(shape, order):
+    """Elements bent to waves, as an impact makes them: what dips into the barrier is found, wherever in its cell."""
+    rng, length = np.random.default_rng(7), 5e-3
+    rod = cf.Rod("r", LAW, [(-length, 0, 1), (length, 0, 1)], n_elements=2, order=order)
+    term = cf.PartContact(rod, cf.Part("p", shape=shape), radius=1e-3)
+    model = cf.Model([rod], [], [term])
+    state, near = model.initial_state(), term._near(model.space)
+    xi, up = np.linspace(0, 1, 401), np.array([0.0, 0.0, 1.0])
+    for _ in range(250):
+        angle, wanted = rng.uniform(0.0, np.pi), rng.uniform(0.05, 1.2) * term.range
+        r = state.r[:, :1] * [np.cos(angle), np.sin(angle), 0.0] + rng.normal(scale=6e-4, size=(len(state.r), 3))
+        places = np.concatenate([near.cells.places(np.full(len(xi), e), xi, r) for e in range(2)])
+
+        def above(height, places=places, wanted=wanted):
+            return shape.distance(places + height * up).min() - term.core - wanted
+
+        heights = np.linspace(6e-3, -6e-3, 49)  # lowered until it dips as deep as wanted
+        first = next(k for k, height in enumerate(heights) if above(height) < 0.0)
+        height = scipy.optimize.brentq(above, heights[first], heights[first - 1], xtol=1e-12)
+        found = near.find(replace(state, r=r + height * up))
+        assert found.gap <= wanted + 0.06 * term.range
+        assert len(found.rows) > 0 or wanted > 0.9 * term.range
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
