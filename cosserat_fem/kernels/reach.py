@@ -25,10 +25,8 @@ COLUMNS, OUT = 24, 26
 MOST_PIECES = 32  # of a cell over small facets
 # pieces of a cell that may touch another rod or a torus; longest arc of a cell over its chord
 ON_STRAND, BENT = 4, 1.1
-SHALLOW, MOST_BENT = (
-    0.05,
-    16,
-)  # part of the range that a second smallest gap in a piece may be lower; most pieces for that
+SHALLOW = 0.05  # part of the range: a second smallest gap in a piece may be so much lower than its ends
+FINEST = 1.0 / 32.0  # part of a cell: shorter pieces are not cut for that
 FLAT = 1e-10  # of the range of the law: a change of the gap that does not count
 SLOW = 2  # steps in turn that do not halve the stretch on which the smallest gap is
 # Gauss rules on 0 .. 1: three points where a whole cell touches, two of a piece over a facet or between rods, four on a
@@ -155,25 +153,32 @@ def sag(C, a, b):
 
 
 @lean
-def pieces_as_bent(bend, shallow):
-    """Into how many pieces a cell is cut so that each bends off its chord by no more than `shallow`."""
-    return int(min(np.ceil(sqrt(bend / shallow)), MOST_BENT)) if bend > shallow else 1
+def size_of(v):
+    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
 @lean
-def pieces_of_bent(bend, ga, gb, fa, fb, level, shallow):
-    """The same; 1 for a cell that is nowhere below `level`, or only about its ends. ga, gb, fa, fb: distances and their
-    derivatives there.
+def strand_sag(slope, out):
+    """How far the strand at the place in `out` bends off its chord, on a stretch as long as this slope."""
+    part = size_of(slope) / max(size_of(out[19:22]), 1e-300)
+    return 0.125 * size_of(out[22:25]) * part * part
 
-    The distance from a convex body is a convex function of the place: along a curve its second derivative is no less than
-    that of the curve, with a minus. From both ends it lies above a parabola; where these two meet they are lowest.
+
+@lean
+def may_dip(bend, ga, gb, fa, fb, level, shallow):
+    """True if on a piece there may be a smallest distance below `level` that its ends do not tell, by more than `shallow`.
+
+    ga, gb, fa, fb: distances and their derivatives at the ends, one of them not below `level`; bend: how far the piece
+    bends off its chord. The distance from a convex body is a convex function of the place: along a curve its second
+    derivative is no less than that of the curve, with a minus. So it lies above a parabola from either end; where these two
+    meet they are lowest.
     """
     least, slopes = min(ga, gb), fb - fa + 8.0 * bend
+    if not max(ga, gb) < np.inf or (bend <= shallow and fa < 0.0 < fb):
+        return False
     t = min(max((ga - gb + fb + 4.0 * bend) / slopes, 0.0), 1.0) if slopes > 0.0 else 0.5
     low = ga + fa * t - 4.0 * bend * t * t
-    if low >= level or least - low <= shallow or (fa < 0.0 < fb and bend <= shallow):
-        return 1
-    return max(2, pieces_as_bent(bend, shallow))
+    return low < level and least - low > shallow
 
 
 @lean
@@ -268,14 +273,13 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
             if out[0] - half >= level and out[0] - half - cores[o] >= nearest:
                 continue
             # its ends are looked at from its pieces, which know fewer triangles
-            first, pieces = 0, pieces_over(facets, of_cell, n_cell, h[e] / counts[e])
-            if out[0] >= level:
-                pieces = max(pieces, pieces_as_bent(sag(C, begin, end), SHALLOW * (level - cores[o])))
+            first, pieces, off, now = 0, pieces_over(facets, of_cell, n_cell, h[e] / counts[e]), 0.0, 0
         else:
             pieces, on = 1, (kind, size, few, first, last)
             if not goes_on:
                 look(C, begin, on, facets, rods, at)
                 gb, fb = out[0], out[13]
+            off, now = (strand_sag(slope, out), int(out[17])) if rods is not None else (0.0, 0)
             look(C, end, on, facets, rods, at)
             g1, f1 = out[0], out[13]
             if rods is not None or kind == TORUS:
@@ -284,36 +288,49 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
                 chord = sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
                 if gb + g1 - BENT * chord < 2.0 * level:
                     pieces = ON_STRAND
-            elif gb >= level or g1 >= level:
-                w = end - begin
-                pieces = pieces_of_bent(sag(C, begin, end), gb, g1, w * fb, w * f1, level, SHALLOW * (level - cores[o]))
-        cell_before, b = cell, begin
-        for piece in range(pieces):
+        cell_before, b, goal, piece = cell, begin, begin, 0
+        bend, shallow = -1.0, SHALLOW * (level - cores[o])
+        while b < end:
             a = b
-            b = begin + (end - begin) * (piece + 1) / pieces if piece + 1 < pieces else end
-            if faceted:
-                place_at(C, a, y, slope)
-                y0, y1, y2 = y[0], y[1], y[2]
-                place_at(C, 0.5 * (a + b), y, slope)
-                half = BENT * sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
-                triangles(facets, index, 0, 0, y, out)  # the last nearest one alone: no nearer than the nearest
-                last, few = along_piece(facets, of_cell, n_cell, y, out[0] + 2.0 * half, of_piece), of_piece
-            on = (kind, size, few, first, last)
-            if faceted and piece == 0 and not goes_on:
-                look(C, a, on, facets, rods, at)
-                gb, fb = out[0], out[13]
-            ga, fa = gb, fb
-            if faceted or piece + 1 < pieces:
-                look(C, b, on, facets, rods, at)
-                gb, fb = out[0], out[13]
-            else:
-                gb, fb = g1, f1
+            if a == goal:
+                piece += 1
+                goal = begin + (end - begin) * piece / pieces if piece < pieces else end
+                if faceted:
+                    place_at(C, a, y, slope)
+                    y0, y1, y2 = y[0], y[1], y[2]
+                    place_at(C, 0.5 * (a + goal), y, slope)
+                    half = BENT * sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
+                    triangles(facets, index, 0, 0, y, out)  # the last nearest one alone: no nearer than the nearest
+                    last, few = along_piece(facets, of_cell, n_cell, y, out[0] + 2.0 * half, of_piece), of_piece
+                on = (kind, size, few, first, last)
+                if faceted and a == begin and not goes_on:
+                    look(C, a, on, facets, rods, at)
+                    gb, fb = out[0], out[13]
+            b, ga, fa, then, kinked = goal, gb, fb, now, False
+            while True:
+                w = b - a
+                if faceted or rods is not None or b < end:
+                    look(C, b, on, facets, rods, at)
+                    gb, fb = out[0], out[13]
+                    if rods is not None:
+                        off, now = max(off, strand_sag(slope, out)), int(out[17])
+                        # elements meet in a kink, and on its inner side there is a smallest distance from either
+                        kinked = cells[now, 0] != cells[then, 0] and ga + gb - BENT * w * size_of(slope) < 2.0 * level
+                else:
+                    gb, fb = g1, f1
+                if (ga < level and gb < level) or w < FINEST * (end - begin) or (rods is not None and pieces == 1):
+                    break
+                if bend < 0.0:
+                    bend = sag(C, begin, end) / (end - begin) ** 2
+                if not (kinked or may_dip((bend + off) * w * w, ga, gb, w * fa, w * fb, level, shallow)):
+                    break
+                b = a + 0.5 * w
             for k in range(2):  # of no length in itself
-                w = tips[cell, k]
-                if w > 0.0 and piece == (0 if k == 0 else pieces - 1) and (ga if k == 0 else gb) < level:
+                tip = tips[cell, k]
+                if tip > 0.0 and (a == begin if k == 0 else b == end) and (ga if k == 0 else gb) < level:
                     xi = a if k == 0 else b
                     count = add_stretch(
-                        C, xi, xi + w / h[e], h[e], X_1, W_1, Q[o], on, facets, rods, at, count, m, rows, owners
+                        C, xi, xi + tip / h[e], h[e], X_1, W_1, Q[o], on, facets, rods, at, count, m, rows, owners
                     )  # fmt: skip
             bottom, g = a if ga < gb else b, min(ga, gb)
             inner_minimum = fa < 0.0 < fb
