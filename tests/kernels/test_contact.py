@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.optimize
+import scipy.spatial
 from numba import njit
 
 import cosserat_fem as cf
@@ -393,6 +394,38 @@ def test_no_dip_is_overlooked(shape, order):
         found = near.find(replace(state, r=r + height * up))
         assert found.gap <= wanted + 0.06 * term.range
         assert len(found.rows) > 0 or wanted > 0.9 * term.range
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_no_dip_between_rods_is_overlooked(order):
+    """The same of two rods, whose elements also meet in kinks: one of them feels it."""
+    rng, length, up = np.random.default_rng(3), 5e-3, np.array([0.0, 0.0, 1.0])
+    rods = [
+        cf.Rod(name, LAW, [(-length, 0, z), (length, 0, z)], n_elements=2, order=order)
+        for name, z in (("a", 0), ("b", 1))
+    ]
+    term = cf.RodContact(rods, radius=1e-3)
+    model = cf.Model(rods, [], [term])
+    state, near = model.initial_state(), term._near(model.space)
+    upper = model.space.node_rod == 1
+    xi = np.linspace(0, 1, 401)
+    for _ in range(120):
+        turn, wanted = rng.uniform(0.3, np.pi - 0.3), rng.uniform(0.05, 0.9) * term.range
+        r = state.r * [1, 1, 0] + rng.normal(scale=4e-4, size=state.r.shape)
+        r[upper, :2] = r[upper, :2] @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        places = np.concatenate([near.cells.places(np.full(len(xi), e), xi, r) for e in range(4)])
+        low, high = np.split(places, 2)
+        tree = scipy.spatial.cKDTree(low)
+
+        def above(height, high=high, tree=tree, wanted=wanted):
+            return tree.query(high + height * up)[0].min() - 2e-3 + 0.5 * term.range - wanted
+
+        heights = np.linspace(6e-3, 0.0, 25)
+        first = next(k for k, height in enumerate(heights) if above(height) < 0.0)
+        height = scipy.optimize.brentq(above, heights[first], heights[first - 1], xtol=1e-12)
+        moved = np.where(upper[:, None], r + height * up, r)
+        found = near.find(replace(state, r=moved))
+        assert found.gap <= wanted + 0.06 * term.range
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
