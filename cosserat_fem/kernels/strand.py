@@ -12,6 +12,8 @@ import numpy as np
 
 from . import kernel, lean
 
+NEARER = 1.0 - 3e-4  # of a distance
+
 
 @lean
 def element_polynomial(nodes, coefficients, r, Q, c, C):
@@ -71,12 +73,41 @@ def along(x, out):
 
 
 @lean
+def foot_in_cell(x, nodes, coefficients, r, a, b, out):
+    """Place xi between a and b of an element at which the way to x is normal to it; `out` as `strand_at` makes it there."""
+    xi = 0.5 * (a + b)
+    for _ in range(60):
+        strand_at(nodes, coefficients, r, xi, out)
+        f, g = along(x, out)
+        if f > 0.0:
+            a = xi
+        else:
+            b = xi
+        new = xi - f / g if g < 0.0 else 0.5 * (a + b)
+        if not a < new < b:
+            new = 0.5 * (a + b)
+        if abs(new - xi) < 1e-15:
+            break
+        xi = new
+    return xi
+
+
+@lean
+def distance_to(x, out):
+    """Distance of x from the place in `out`."""
+    d0, d1, d2 = x[0] - out[8], x[1] - out[9], x[2] - out[10]
+    return sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+
+
+@lean
 def nearest_on_strand(x, rods, first, last, out):
     """Distance and direction out[:4] from the nearest place of the cells first .. last to x.
 
     rods: ends of cells (n + rods, 3), cells (n, 2), counts (E,), nodes (E, A), coefficients, r, rod of each cell (n,), first
     and last cell of each rod (rods, 2). Also out[17] the cell, out[18] xi, out[19:22] slope, out[22:25] second derivative,
     out[25] 1 if the place is free to slide along the rod. Distance infinite if the strand goes on towards what is nearer.
+    On the inner side of a kink between elements there may be one on either side: that ahead counts unless the other one is
+    nearer by more than a hair, so that rods at rest across a kink do not turn from one to the other.
     """
     ends, cells, counts, nodes, coefficients, r, rod_of, bounds = rods
     o = rod_of[first]
@@ -86,47 +117,39 @@ def nearest_on_strand(x, rods, first, last, out):
         square = d0 * d0 + d1 * d1 + d2 * d2
         if square < best:
             best, k = square, j
-    cell, a, b, inside = k, 0.0, 1.0, False
+    ahead = behind = False
+    if k > first:
+        e = cells[k - 1, 0]
+        strand_at(nodes[e], coefficients, r, (cells[k - 1, 1] + 1) / counts[e], out)
+        behind = along(x, out)[0] < 0.0
     if k <= last:
         e = cells[k, 0]
         strand_at(nodes[e], coefficients, r, cells[k, 1] / counts[e], out)
-        inside = along(x, out)[0] > 0.0
-    if not inside and k > first:
-        cell = k - 1
-        e = cells[cell, 0]
-        strand_at(nodes[e], coefficients, r, (cells[cell, 1] + 1) / counts[e], out)
-        inside = along(x, out)[0] < 0.0
-        if not inside and k <= last:
-            cell = k
-            e = cells[k, 0]
-            strand_at(nodes[e], coefficients, r, cells[k, 1] / counts[e], out)
+        ahead = along(x, out)[0] > 0.0
+    cell = k if k <= last and (ahead or not behind) else k - 1
     e = cells[cell, 0]
-    xi = (cells[cell, 1] + k - cell) / counts[e]
-    out[25] = 0.0
-    if inside:
-        a, b = cells[cell, 1] / counts[e], (cells[cell, 1] + 1) / counts[e]
-        xi = 0.5 * (a + b)
-        for _ in range(60):
-            strand_at(nodes[e], coefficients, r, xi, out)
-            f, g = along(x, out)
-            if f > 0.0:
-                a = xi
+    if ahead or behind:
+        xi = foot_in_cell(
+            x, nodes[e], coefficients, r, cells[cell, 1] / counts[e], (cells[cell, 1] + 1) / counts[e], out
+        )
+        if ahead and behind:
+            before, e0 = distance_to(x, out), cells[k - 1, 0]
+            a, b = cells[k - 1, 1] / counts[e0], (cells[k - 1, 1] + 1) / counts[e0]
+            other = foot_in_cell(x, nodes[e0], coefficients, r, a, b, out)
+            if distance_to(x, out) < NEARER * before:
+                cell, xi = k - 1, other
             else:
-                b = xi
-            new = xi - f / g if g < 0.0 else 0.5 * (a + b)
-            if not a < new < b:
-                new = 0.5 * (a + b)
-            if abs(new - xi) < 1e-15:
-                break
-            xi = new
+                strand_at(nodes[e], coefficients, r, xi, out)
         out[25] = 1.0
     elif (k == first and first > bounds[o, 0]) or (k == last + 1 and last < bounds[o, 1]):
-        out[0], out[1], out[2], out[3] = np.inf, 0.0, 0.0, 1.0
+        out[0], out[1], out[2], out[3], out[25] = np.inf, 0.0, 0.0, 1.0, 0.0
         return
-    d0, d1, d2 = x[0] - out[8], x[1] - out[9], x[2] - out[10]
-    d = sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+    else:
+        xi = (cells[cell, 1] + k - cell) / counts[e]
+        out[25] = 0.0
+    d = distance_to(x, out)
     i = 1.0 / max(d, 1e-300)
-    out[0], out[1], out[2], out[3] = d, d0 * i, d1 * i, d2 * i
+    out[0], out[1], out[2], out[3] = d, (x[0] - out[8]) * i, (x[1] - out[9]) * i, (x[2] - out[10]) * i
     out[17], out[18] = cell, xi
 
 
