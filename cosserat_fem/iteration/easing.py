@@ -67,6 +67,8 @@ def eased(newton: Newton, state: State) -> Solved:
             part = max(deepest / ROOM, STEEP * part)
             if all(term.widened(part).range == term.range for term in terms):
                 break
+        else:
+            return replace(solved, state=state, iterations=iterations, reason=approach.blocked(state))
         touch = {
             term: replace(contact.touch[term], scale=max(contact.touch[term].scale, scales[term] * LAST / FIRMNESS))
             for term in terms

@@ -5,6 +5,9 @@ long. Along a cell the stretches in which the gap is below the range of the law 
 split at the smallest gap), and each gets a Gauss rule of its own: a crossing whose patch is a tenth of a radius is
 integrated as well as a whole rod on a plane, and nothing jumps while a patch moves over cells or elements.
 
+A rod bent to a wave, or another rod that has a kink, may come near at two places of one cell. A piece is halved until the
+distances at its ends and their slopes leave no room for a second smallest one.
+
 Over a mesh a cell is cut into pieces about as long as a facet is wide. Only the facets that may be the nearest somewhere on
 a piece are looked at along it.
 """
