@@ -6,6 +6,7 @@ import pytest
 import cosserat_fem as cf
 from cosserat_fem.iteration.easing import eased
 from cosserat_fem.iteration.newton import Newton
+from helpers import centreline
 
 RADIUS = 0.005
 CABLE = cf.Section.round(2 * RADIUS, youngs_modulus=1e8, poisson_ratio=0.3, density=1200)
@@ -72,6 +73,22 @@ def test_wider_barrier_begins_at_the_same_place(make, layer):
     assert level(wide)[1] == pytest.approx(level(term)[1], rel=1e-14)
     assert 0.0 < level(wide)[0] < level(term)[0]
     assert term.widened(1e-9).range == term.range
+
+
+def test_soft_rods_do_not_pass():
+    """A thin wire that rises by four radii lifts the rod, also while its barrier is soft; the rod is above it in the end."""
+    rod = cf.Rod("rod", CABLE, [(0, -0.2, 0), (0, 0.2, 0)], n_elements=8)
+    low = -1.05 * RADIUS
+    shape = cf.Capsule((-0.1, 0.01, low), (0.1, 0.01, low), 1e-4)
+    wire = cf.Part("wire", shape=shape, motion=cf.Slider((0, 0, 1), 1.0))
+    supports = [cf.Clamp(rod, "start"), cf.Clamp(rod, "end")]
+    newton, state = first(cf.Model([rod], supports, [cf.PartContact(rod, wire)]))
+    solved = eased(newton, state.at_time(4 * RADIUS))
+    assert solved.converged
+    x, y, z = centreline(newton.model, rod, solved.state, 50).T
+    height = np.interp(0.01, y, z) - 4 * RADIUS - low
+    assert height > RADIUS  # above it
+    assert shape.distance(np.stack([x, y, z - 4 * RADIUS], axis=1)).min() == pytest.approx(RADIUS, abs=1e-3 * RADIUS)
 
 
 def test_nothing_is_kept():

@@ -262,13 +262,11 @@ def _travel(newton: Newton, history: History, before: State | None, t: float) ->
     while True:
         known = before is None or newton.approach is not None  # parts must come along with the rods
         guess = state.at_time(wanted[0]) if known else _extrapolated(before, state, wanted[0])  # type: ignore[arg-type]
-        solved = newton.plain(guess)
+        solved = _plain(newton, guess)
         if solved.converged and solved.negative > 0 and not unstable:
             solved = _prefer_stable(newton, state.at_time(wanted[0]), solved)
         if not solved.converged and not known:
             solved = newton.plain(state.at_time(wanted[0]))
-        if not solved.converged and newton.approach is not None:
-            solved = eased(newton, state.at_time(wanted[0]))
         if not solved.converged and halvings == 0:
             solved = newton.guarded(state.at_time(wanted[0]))
         if solved.converged:
@@ -352,13 +350,17 @@ def _equilibrium(newton: Newton, state: State, history: History, *, steps: int |
     raise _failure(newton.model, history, solved, "from the start shape, with plain, guarded and stepped loading")
 
 
+def _plain(newton: Newton, state: State) -> Solved:
+    """Equilibrium by the plain method, or by way of soft contact where rods may touch."""
+    solved = newton.plain(state)
+    return solved if solved.converged or newton.approach is None else eased(newton, state)
+
+
 def _settled(newton: Newton, state: State) -> Solved:
     """Equilibrium from a state, cheap first."""
     if newton.approach is None:
         return newton.settled(state)
-    solved = newton.plain(state)
-    if not solved.converged:
-        solved = eased(newton, state)
+    solved = _plain(newton, state)
     return solved if solved.converged else newton.guarded(state)
 
 

@@ -44,9 +44,8 @@ THICKER, SLIGHTEST = 1.1, 0.02  # radii: of a rod that is pushed out of a part; 
 LEFT = 0.02  # part of a gap, or of the range, that a step must leave
 CLOSING, SPARE = 0.9, 0.3  # part of a gap that one step may close, or all of it but this part of the barrier's range
 STRETCHED = 1.9  # radii: a longer piece of rod between two looked at places could pass an obstacle
-FARTHER = (
-    13.0  # times the largest component of a node's way: more than the ball about a cell moves and grows, to order 4
-)
+# times the largest component of a node's way: more than the ball about a cell moves and grows, on nodes to order 6
+FARTHER = 13.0
 NOBODY = np.empty((0, 3, 3))
 SMOOTH = 3 * (np.empty((0, 3)),) + 2 * (NOBODY,)  # no friction, no slip
 
@@ -319,7 +318,8 @@ class Near:
         )
         self.middle: np.ndarray | None = None
         self._found: list[tuple[np.ndarray, float, Found]] = []
-        self._seen: tuple[np.ndarray, float]  # where the rod was when it looked around, and when
+        self._seen: tuple[np.ndarray, float]  # where the nodes were when the rod looked around, and when
+        self._least: float  # of what cells were allowed then
 
     def poses(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Frames (O, 3, 3) and origins (O, 3) of all obstacles in space."""
@@ -338,8 +338,8 @@ class Near:
         way = np.sqrt(((middle - self.middle) ** 2).sum(axis=1))
         return way + np.maximum(radius - self.radius, 0.0)
 
-    def look_around(self, middle: np.ndarray, radius: np.ndarray, margin: np.ndarray) -> None:
-        """Find what is within reach of each cell, and a margin (n,)."""
+    def look_around(self, state: State, middle: np.ndarray, radius: np.ndarray, margin: np.ndarray) -> None:
+        """Find what is within reach of each cell at a state, and a margin (n,)."""
         reach = radius + self.term.level
         free = np.full(len(middle), np.inf)
         rows = []
@@ -365,7 +365,7 @@ class Near:
         self.obstacles = replace(self.obstacles, mesh=mesh)
         self.middle, self.radius, self.margin = middle, radius, margin
         self.allowed = np.maximum(margin, free)
-        self.least = float(self.allowed.min())
+        self._seen, self._least = (state.r, self.time(state)), float(self.allowed.min())
 
     def _runs(self, near: np.ndarray, start: np.ndarray, patch: np.ndarray) -> np.ndarray:
         """Entries (cell, obstacle, first, last) of the candidates of some cells, sorted by patch in each cell."""
@@ -386,8 +386,7 @@ class Near:
             pose = self.term.part.pose(time)
             if self.middle is None or self.cells.strayed(state.r, *pose, self.middle, self.radius, self.allowed):
                 middle, radius = self.cells.balls(state.r, *pose)
-                self.look_around(middle, radius, np.full(len(middle), MARGIN * self.term.radius))
-                self._seen = state.r, time
+                self.look_around(state, middle, radius, np.full(len(middle), MARGIN * self.term.radius))
         found = search(self.cells, self.entries, state.r, self.obstacles, *self.poses(time))
         self._found = [(state.r, time, found), *self._found[:2]]
         return found
@@ -395,7 +394,7 @@ class Near:
     def _still(self, r: np.ndarray, time: float) -> bool:
         """True if nodes have hardly moved past the part since it looked around; no cell has strayed then."""
         seen, then = self._seen
-        return (self.term.part.motion is None or time == then) and FARTHER * np.abs(r - seen).max() < self.least
+        return (self.term.part.motion is None or time == then) and FARTHER * np.abs(r - seen).max() < self._least
 
     def keys(self, found: Found) -> np.ndarray:
         """Keys (K,) under which slips are remembered."""
@@ -428,8 +427,7 @@ class Near:
         moved = self._moved(*here) if self.middle is not None else np.full_like(way, np.inf)
         if self.middle is None or (moved + way > self.allowed).any():
             a = self.term.radius
-            self.look_around(*here, np.clip(1.1 * way, MARGIN * a, FURTHEST * a))
-            self._seen = state.r, self.time(state)
+            self.look_around(state, *here, np.clip(1.1 * way, MARGIN * a, FURTHEST * a))
             moved = np.zeros_like(way)
         alpha = float(np.min((self.allowed - moved) / np.maximum(way, 1e-300), initial=1.0))
         cells = self.cells
