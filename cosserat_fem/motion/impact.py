@@ -71,7 +71,8 @@ class Impact:
     def leave(self, step: InertiaStep, grip: Grip, solved: Solved) -> Solved:
         """Take impulses out of the rates of a converged step; its residual then has contact once, as it is at the end."""
         last = -self.model.touching(solved.state)
-        step.shared = np.where(grip.lasts, last, step.late * last + (1.0 - step.late) * grip.force)
+        late = np.where(grip.lasts, 0.5, step.late)  # what lasts does its work as other forces do, to second order
+        step.shared = late * last + (1.0 - late) * grip.force
         impulse = np.where(grip.lasts, 0.0, step.shared)
         w, left = self.balance.share(solved.state, impulse)
         step.a -= step.counted * w
