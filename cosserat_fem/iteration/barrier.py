@@ -22,6 +22,8 @@ from ..terms.touch import Pressed
 SMALLEST = 1e-9  # part of an increment: less is no way forward
 NEARLY_SHUT, STIFFER = 0.05, 30.0  # part of its range to which a gap may shrink before its pressure scale grows so much
 SOFT, FIRM = 1e-5, 0.03  # where the largest pressure is below this part of the scale, the scale shrinks so much
+# in time, below this part of the scale it shrinks to so many times that pressure, but not faster than this in a step
+MILD, MILDER, SLOWLY = 1 / 60, 15.0, 0.1
 CAPACITY = 2.7  # energy of a barrier at a twentieth of its range, in parts of scale times range
 COMING_OFF, KEPT = (1.0, 0.5, 0.25), 0.5  # parts of an increment that may leave so much of what touches where it is
 NUDGE = 1e-3  # of the smallest gap or range: how far parts move to see how forces change
@@ -135,6 +137,21 @@ class Approach:
             for term, memory in contact.touch.items()
         }
         return replace(state, contact=replace(contact, touch=touch))
+
+    def relax(self, state: State, pressed: tuple[Pressed, ...]) -> State:
+        """The state with pressure scales that fit what is pressed now, long after an impact: for steps in time that fail.
+
+        A scale for a hard impact leaves what rubs a thousandth of the range of the barrier: of an increment along a curved
+        rod then little can be taken. It shrinks while something touches, so energy stored in the barrier is lost. Not
+        without need, since the rod sinks a little: what friction just holds may slip.
+        """
+        contact: Contact = state.contact  # type: ignore[assignment]
+        touch = {
+            term: replace(memory, scale=max(MILDER * told.peak, SLOWLY * memory.scale))
+            for term, told in zip(self.terms, pressed, strict=True)
+            if 0.0 < told.peak < MILD * (memory := contact.touch[term]).scale
+        }
+        return replace(state, contact=replace(contact, touch=contact.touch | touch)) if touch else state
 
     def accept(self, state: State, *, soften: bool = True) -> tuple[State, tuple[Pressed, ...]]:
         """The state with its memory renewed, and what contact does there. soften: pressure scales may shrink."""

@@ -37,6 +37,11 @@ class Grip:
     answer: np.ndarray
     lasts: np.ndarray
 
+    @property
+    def steady(self) -> bool:
+        """True if whatever touches lasts."""
+        return bool((self.lasts | (self.force == 0.0)).all())
+
 
 class Impact:
     """Contact in the time steps of one model."""
