@@ -27,19 +27,14 @@ from .strand import element_polynomial, nearest_on_strand, place_at
 COLUMNS, OUT = 24, 26
 MOST_PIECES = 32  # of a cell over small facets
 # pieces of a cell that may touch another rod or a torus; longest arc of a cell over its chord
-ON_STRAND, BENT = 4, 1.1
+ON_STRAND, BENT = 2, 1.1
 SHALLOW = 0.05  # part of the range: a second smallest gap in a piece may be so much lower than its ends
 FINEST = 1.0 / 32.0  # part of a cell: shorter pieces are not cut for that
 FLAT = 1e-10  # of the range of the law: a change of the gap that does not count
 SLOW = 2  # steps in turn that do not halve the stretch on which the smallest gap is
-# Gauss rules on 0 .. 1: three points where a whole cell touches, two of a piece over a facet or between rods, four on a
-# stretch that begins or ends
+# Gauss rules on 0 .. 1: two points where a whole piece over a facet touches, four elsewhere
 X_1, W_1 = np.array([0.0]), np.array([1.0])
 X_2, W_2 = np.array([0.21132486540518713, 0.7886751345948129]), np.array([0.5, 0.5])
-X_3, W_3 = (
-    np.array([0.1127016653792583, 0.5, 0.8872983346207417]),
-    np.array([0.27777777777777785, 0.4444444444444444, 0.27777777777777785]),
-)
 X_4, W_4 = (
     np.array([0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970262]),
     np.array([0.17392742256872679, 0.3260725774312732, 0.3260725774312732, 0.17392742256872679]),
@@ -349,11 +344,10 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
                 low = root(C, bottom, a, level, on, facets, rods, at)
             if gb >= level:
                 high = root(C, bottom, b, level, on, facets, rods, at)
-            whole = ga < level and gb < level and not inner_minimum
-            middle = bottom if inner_minimum else low
-            X, W = X_4, W_4
-            if whole:
-                X, W = (X_2, W_2) if rods is not None or (faceted and pieces > 1) else (X_3, W_3)
+            whole = ga < level and gb < level
+            middle = bottom if inner_minimum and not whole else low
+            # wherever its smallest gap is: nothing jumps when that goes over into the next piece
+            X, W = (X_2, W_2) if whole and faceted and pieces > 1 else (X_4, W_4)
             for k in range(2):
                 count = add_stretch(
                     C, low if k == 0 else middle, middle if k == 0 else high, h[e], X, W, Q[o], on, facets, rods, at, count,
