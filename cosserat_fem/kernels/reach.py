@@ -32,12 +32,17 @@ SHALLOW = 0.05  # part of the range: a second smallest gap in a piece may be so 
 FINEST = 1.0 / 32.0  # part of a cell: shorter pieces are not cut for that
 FLAT = 1e-10  # of the range of the law: a change of the gap that does not count
 SLOW = 2  # steps in turn that do not halve the stretch on which the smallest gap is
-# Gauss rules on 0 .. 1: two points where a whole piece over a facet touches, four elsewhere
+# Gauss rules on 0 .. 1: two points where a whole piece over a facet touches, four of other whole pieces; of a stretch that
+# begins or ends four from the smallest gap on, which is one of them (Radau): at a kink no other point would see it
 X_1, W_1 = np.array([0.0]), np.array([1.0])
 X_2, W_2 = np.array([0.21132486540518713, 0.7886751345948129]), np.array([0.5, 0.5])
 X_4, W_4 = (
     np.array([0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970262]),
     np.array([0.17392742256872679, 0.3260725774312732, 0.3260725774312732, 0.17392742256872679]),
+)
+X_END, W_END = (
+    np.array([0.0, 0.2123405382391529, 0.5905331355592653, 0.9114120404872962]),
+    np.array([0.0625, 0.32884431998006, 0.38819346884317135, 0.22046221117676554]),
 )
 
 
@@ -107,8 +112,8 @@ def lowest(C, a, b, fa, fb, flat, on, facets, rods, at):
 
 @fused
 def add_stretch(C, a, b, h, X, W, Q, on, facets, rods, at, count, entry, rows, owners):
-    """Gauss points of the stretch a .. b as rows, turned by Q; returns the new count, which may exceed the room."""
-    if b - a <= 0.0:
+    """Gauss points of the stretch from a to b as rows, turned by Q; returns the new count, which may exceed the room."""
+    if a == b:
         return count
     out = at[2]
     for k in range(X.shape[0]):
@@ -116,7 +121,7 @@ def add_stretch(C, a, b, h, X, W, Q, on, facets, rods, at, count, entry, rows, o
             xi = a + (b - a) * X[k]
             look(C, xi, on, facets, rods, at)
             row = rows[count]
-            row[0], row[1], row[2] = xi, W[k] * (b - a) * h, out[0]
+            row[0], row[1], row[2] = xi, W[k] * abs(b - a) * h, out[0]
             for i in range(3):
                 row[3 + i] = Q[i, 0] * out[1] + Q[i, 1] * out[2] + Q[i, 2] * out[3]
             if rods is not None:
@@ -344,13 +349,14 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
                 low = root(C, bottom, a, level, on, facets, rods, at)
             if gb >= level:
                 high = root(C, bottom, b, level, on, facets, rods, at)
-            whole = ga < level and gb < level
-            middle = bottom if inner_minimum and not whole else low
-            # wherever its smallest gap is: nothing jumps when that goes over into the next piece
-            X, W = (X_2, W_2) if whole and faceted and pieces > 1 else (X_4, W_4)
+            if ga < level and gb < level:
+                # wherever its smallest gap is: nothing jumps when that goes over into the next piece
+                X, W = (X_2, W_2) if faceted and pieces > 1 else (X_4, W_4)
+                count = add_stretch(C, a, b, h[e], X, W, Q[o], on, facets, rods, at, count, m, rows, owners)
+                continue
             for k in range(2):
+                far = low if k == 0 else high
                 count = add_stretch(
-                    C, low if k == 0 else middle, middle if k == 0 else high, h[e], X, W, Q[o], on, facets, rods, at, count,
-                    m, rows, owners,
+                    C, bottom, far, h[e], X_END, W_END, Q[o], on, facets, rods, at, count, m, rows, owners
                 )  # fmt: skip
     return count, nearest, where, place
