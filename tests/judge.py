@@ -104,6 +104,15 @@ def gauss_integral(curve1, curve2):
     return total / (4 * np.pi)
 
 
+def writhe(curve):
+    """Writhe of an open polyline (N, 3) [m]: the Gauss double integral of its pieces, neighbours left out, which are in one
+    plane. With the turns of a ribbon about it, it makes the linking number, if both ends go on straight to far away."""
+    curve, total = np.asarray(curve, dtype=float), 0.0
+    for k in range(len(curve) - 3):
+        total += 2.0 * gauss_integral(curve[k : k + 2], curve[k + 2 :])
+    return total
+
+
 def linking_number(curve1, curve2):
     """Linking number of two closed polylines, (N, 3) and (M, 3) [m]; the last point is joined to the first."""
     value = gauss_integral(*(np.vstack([c, np.asarray(c)[:1]]) for c in (curve1, curve2)))

@@ -1,5 +1,7 @@
 """Contact as a user sees it: what lies, sticks, slips, bounces, is pressed and is refused."""
 
+from dataclasses import replace
+
 import judge
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from verification import contact_references as cr
 
 import cosserat_fem as cf
+from cosserat_fem.iteration.barrier import Approach
 from helpers import centreline, write_obj
 
 G = 9.81
@@ -85,6 +88,25 @@ def test_pressed_rod_is_symmetrical():
         atol=1e-8 * abs(load[2]),
     )
     np.testing.assert_allclose(load[[0, 1]], 0, atol=1e-8 * abs(load[2]))
+
+
+def test_barrier_becomes_softer_for_what_presses():
+    """A pressure scale from a hard impact shrinks by tens, while something touches, until it fits the line force."""
+    model = lying()
+    approach = Approach(model)
+    state, pressed = approach.accept(cf.solve_static(model).final)
+    (term,) = model.contacts
+
+    def scaled(scale):
+        touch = {term: replace(state.contact.touch[term], scale=scale)}
+        return replace(state, contact=replace(state.contact, touch=touch))
+
+    peak, scales = pressed[0].peak, [1e6 * pressed[0].peak]
+    while (scale := approach.relax(scaled(scales[-1]), pressed).contact.touch[term].scale) != scales[-1]:
+        scales.append(scale)
+    np.testing.assert_allclose(scales, [1e6 * peak, 1e5 * peak, 1e4 * peak, 1e3 * peak, 1e2 * peak, 15 * peak])
+    away = scaled(1e6)
+    assert approach.relax(away, (replace(pressed[0], peak=0.0),)) is away
 
 
 # friction on a slope

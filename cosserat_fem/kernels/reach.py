@@ -1,9 +1,10 @@
 """Where does a rod touch? Gauss points of the stretches on which the gap is below the range of the law.
 
 Rule: a rod is its centreline x(xi), a polynomial in each element, and a radius. Elements are cut into cells about a radius
-long. Along a cell the stretches in which the gap is below the range of the law are found exactly (roots of gap - range,
-split at the smallest gap), and each gets a Gauss rule of its own: a crossing whose patch is a tenth of a radius is
-integrated as well as a whole rod on a plane, and nothing jumps while a patch moves over cells or elements.
+long. Along a cell the stretches in which the gap is below the range of the law are found exactly (roots of gap - range), and
+each gets a rule of its own: a crossing whose patch is a tenth of a radius is integrated as well as a whole rod on a plane,
+and nothing jumps while a patch moves over cells or elements. A stretch that begins or ends goes from its smallest gap
+outwards, so that the barrier is felt there.
 
 A rod bent to a wave, or another rod that has a kink, may come near at two places of one cell. A piece is halved until the
 distances at its ends and their slopes leave no room for a second smallest one.

@@ -39,8 +39,8 @@ class Grip:
 
     @property
     def steady(self) -> bool:
-        """True if whatever touches lasts."""
-        return bool((self.lasts | (self.force == 0.0)).all())
+        """True if something touches, and all of it lasts."""
+        return bool(self.force.any() and (self.lasts | (self.force == 0.0)).all())
 
 
 class Impact:

@@ -553,8 +553,11 @@ class Run:
 
         Returns energies stored at its end, and the energy that was added because the force is taken at the end.
         """
-        stored, late = self._stored(solved.state), inertia.late
-        added = float(np.vdot(inertia.shared, inertia.D)) if self.model.contacts else 0.0
+        stored = self._stored(solved.state)
+        if not stored:
+            return stored, 0.0
+        late = 0.5 if self.grip.steady else inertia.late
+        added = float(np.vdot(inertia.shared, inertia.D))
         both = zip(
             self._contact_names, self.model.contacts, self.stored, stored, self.pressed, solved.pressed, strict=True
         )

@@ -478,3 +478,35 @@ def test_no_jump_as_a_patch_moves():
         model = cf.Model([rod], [cf.Clamp(rod, "start")], [term])
         forces.append(residual(term, model, model.initial_state())[:, 2].sum())
     assert np.ptp(forces) < 2e-4 * abs(np.mean(forces))
+
+
+@pytest.mark.parametrize(("angle", "allowed"), [(0.1, 1e-9), (0.3, 1e-6)])
+def test_no_jump_as_the_smallest_gap_goes_on(angle, allowed):
+    """Straight rods that cross, one of them sliding: their energy stays, wherever in a cell they are nearest."""
+    a = cf.Rod("a", LAW, [(0, 0, 0), (1, 0, 0)], n_elements=7, order=3)
+    half = 0.5 * np.array([np.cos(angle), np.sin(angle), 0])
+    middle = np.array([0.5, 0, 0.0202])
+    b = cf.Rod("b", LAW, [middle - half, middle + half], n_elements=7, order=3)
+    term = cf.RodContact([a, b], stand_off=5e-4)
+    model = cf.Model([a, b], [], [term])
+    state, slides = model.initial_state(), np.zeros((model.space.n_nodes, 3))
+    slides[model.space[a].nodes] = 1.0, 0.0, 0.0
+    ways = np.linspace(0, 2 * 1.5 * 0.01, 201)
+    energy = np.array([term.potential(replace(state, r=state.r + way * slides), model.space) for way in ways])
+    assert energy.min() > 0
+    assert np.abs(np.diff(energy)).max() < allowed * energy.mean()
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_a_kink_is_felt(order):
+    """Elements that meet in a kink over a wire: however little of the rod is near, the nearest place of it presses."""
+    rod = cf.Rod("r", LAW, [(-0.05, 0, 0), (0.05, 0, 0)], n_elements=2, order=order)
+    term = cf.PartContact(rod, cf.Part("p", shape=cf.Capsule((0, -1, 0), (0, 1, 0), 0.005)))
+    model = cf.Model([rod], [], [term])
+    state = model.initial_state()
+    for slope in (0.3, 1.0, 3.0):
+        for gap in (0.5, 1e-3, 1e-6):
+            r = state.r + np.outer(slope * np.abs(state.r[:, 0]) + term.core + 0.005 + gap * term.range, [0, 0, 1])
+            found = term._near(model.space).find(replace(state, r=r))
+            assert found.gap == pytest.approx(gap * term.range, rel=1e-6)
+            assert found.rows[:, 2].min() - term.core == pytest.approx(found.gap, rel=1e-6)

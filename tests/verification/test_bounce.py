@@ -59,6 +59,30 @@ def test_energy_stands_in_flight():
     assert np.ptp(energy[last:]) <= 1e-4 * energy[0]
 
 
+@pytest.mark.filterwarnings("ignore:energy ledger")
+def test_contact_that_lasts_is_booked_to_second_order():
+    """A rod pressed on a drum by a load that comes and goes: what contact adds or takes is an error of the steps alone."""
+
+    def added(step):
+        section = cf.Section.round(0.01, youngs_modulus=1e8, poisson_ratio=0.3, density=1200)
+        rod = cf.Rod("rod", section, [(-0.2, 0, 0), (0.2, 0, 0)], n_elements=8)
+        drum = cf.Part("drum", shape=cf.Cylinder((0, -1, -0.05501), (0, 1, -0.05501), 0.05))
+        load = cf.LineLoad(rod, lambda t: (0, 0, -5 - 10 * np.sin(8 * t) ** 2))
+        terms = [cf.PartContact(rod, drum), load, cf.Damping(mass=30.0)]
+        model, parts = cf.Model([rod], [cf.Clamp(rod, "start")], terms), []
+
+        def look(run):
+            parts.append(run.added / run.largest_energy)
+            return False
+
+        cf.solve_dynamic(model, 0.3, step=cf.FixedStep(step), rho_inf=0.8, callback=look)
+        return abs(parts[-1])
+
+    coarse, fine = added(4e-3), added(2e-3)
+    assert coarse < 1e-4
+    assert fine < coarse / 3.5
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:energy ledger")
 @pytest.mark.parametrize("name", STEPS)
