@@ -554,9 +554,9 @@ class Run:
         Returns energies stored at its end, and the energy that was added because the force is taken at the end.
         """
         stored = self._stored(solved.state)
-        if not stored:
+        if self.impact is None:
             return stored, 0.0
-        late = 0.5 if self.grip.steady else inertia.late
+        late = self.impact.last if self.grip.steady else inertia.late
         added = float(np.vdot(inertia.shared, inertia.D))
         both = zip(
             self._contact_names, self.model.contacts, self.stored, stored, self.pressed, solved.pressed, strict=True
