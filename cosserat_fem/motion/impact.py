@@ -48,8 +48,8 @@ class Impact:
 
     def __init__(self, model: Model, balance: Balance) -> None:
         self.model, self.balance = model, balance
-        # part of what lasts that does its work with its force at the end of a step: half of it, as of other forces, to second
-        # order; all of it beside friction, whose work is known as that of its end
+        # part of what lasts that does its work with its force at the end of a step: half of it, as of other forces, to
+        # second order; all of it beside friction, whose work is known as that of its end
         self.last = 0.5 if all(term.friction == 0.0 for term in model.contacts) else 1.0
 
     def feel(self, state: State, rates: Rates, lasts: np.ndarray) -> tuple[Rates, Grip]:
