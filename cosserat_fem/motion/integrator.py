@@ -506,7 +506,7 @@ class Run:
             self.strain_before, self.strain, self.strain_step = self.strain, made.strain, h
         self.state, self.g, self.forces = made.solved.state, made.solved.total.g, made.forces
         self.rates, self.stored, self.pressed = made.rates, made.stored, made.solved.pressed
-        self.added += made.added
+        self.added += self._surely_added(made)
         self.h = h
         if self.impact is not None:
             self.rates, self.grip = self.impact.feel(self.state, self.rates, self.grip.lasts)
@@ -539,10 +539,18 @@ class Run:
         self.largest_energy = max(self.largest_energy, energy)
         if not (any(self.stored) or any(made.stored)):
             return False
-        # friction's work is known to first order
-        unsure = RUBBED * sum(abs(told.rubbed) for told in made.solved.pressed)
-        least, most = -LOST * self.largest_energy - unsure, GAINED * self.largest_energy + unsure
-        return made.added < least or (made.added > LITTLE * most and self.added + made.added > most)
+        least, most = -LOST * self.largest_energy - self._unsure(made), GAINED * self.largest_energy
+        added = self._surely_added(made)
+        return made.added < least or (added > LITTLE * most and self.added + added > most)
+
+    @staticmethod
+    def _unsure(made: Made) -> float:
+        """Energy [J] by which the work of contact in a step may be off: that of friction is known to first order."""
+        return RUBBED * sum(abs(told.rubbed) for told in made.solved.pressed)
+
+    def _surely_added(self, made: Made) -> float:
+        """What contact added in a step beyond that; what it took counts against it."""
+        return float(np.copysign(max(abs(made.added) - self._unsure(made), 0.0), made.added))
 
     def _stored(self, state: State) -> list[float]:
         """Energy [J] in each contact term."""
