@@ -111,3 +111,28 @@ def test_trapped_is_said():
     assert not solved.converged
     assert "no way forward is left between rod 'rod' and part" in solved.reason
     assert solved.iterations < 400
+
+
+def test_a_load_far_from_what_was_thought():
+    """A thin rope round a drum, pulled a hundred times harder than its stiffness would: found with a harder soft barrier."""
+    radius, drum_radius, pull, turn = 0.002, 0.1, 10.0, 1.9 * np.pi
+    stiffness = pull * (0.01 * drum_radius) ** 2
+    section = cf.Section(
+        force_stiffness=(1e5, 1e5, 1e5), moment_stiffness=(stiffness,) * 3, mass_per_length=0.01, radius=radius
+    )
+    r, free = drum_radius + radius + 2e-5, 0.05
+    h = np.pi * r / 40
+    angle = np.linspace(0, turn, int(4 * turn * r / h))
+    arc = r * np.stack([-np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    out = np.array([np.sin(turn), np.cos(turn), 0.0])
+    span = np.linspace(-free, -h / 4, 12)[:, None]
+    points = np.concatenate([arc[0] + span * [0, 1, 0], arc, arc[-1] - span[::-1] * out])
+    rope = cf.Rod("rope", section, points, n_elements=round((turn * r + 2 * free) / h))
+    drum = cf.Part("drum", shape=cf.Cylinder((0, 0, -0.05), (0, 0, 0.05), drum_radius))
+    terms = [cf.PartContact(rope, drum, friction=0.3), cf.PointLoad(rope, "start", (0, -pull, 0))]
+    history = cf.solve_static(cf.Model([rope], [cf.Pin(rope, "end")], terms))
+    told = history.pressed("rope-drum")[0]
+    assert told.spans[-1, 1] - told.spans[0, 0] > 0.95 * turn * drum_radius
+    assert pull / r < told.peak < 10 * pull / r
+    ends = history.reaction("rope.end@ground")[0, :3] + (0, -pull, 0)
+    np.testing.assert_allclose(history.contact_load("drum")[0, :3], ends, atol=1e-7 * pull)

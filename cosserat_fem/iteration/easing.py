@@ -28,6 +28,8 @@ ROOM = 0.7  # part of a new range that the rod may lie deep in it
 STEEP = 0.1  # least part of a range that the next one is
 SINKS = 0.9  # a rod that a stiffer barrier does not lift by so much is held down by something rigid
 MOST = 30  # equilibria
+# the first one, if none is found, with a pressure scale so many times as large: the load may be far from what was thought
+FIRMER, TRIES = 30.0, 3
 
 
 def eased(newton: Newton, state: State) -> Solved:
@@ -43,6 +45,7 @@ def eased(newton: Newton, state: State) -> Solved:
     }
     part, depth, stuck, iterations = DEEP, 1.0, 0, 0
     softened: list[Any] = []
+    tries: list[Solved] = []
     now = replace(state.at_time(contact.time), contact=None)
     try:
         for _ in range(MOST):
@@ -52,8 +55,13 @@ def eased(newton: Newton, state: State) -> Solved:
             other.model.spent = model.spent
             solved = other.settled(_begun(other, now, state, contact))
             iterations += solved.iterations
+            if not solved.converged and part == DEEP and len(tries) < TRIES:
+                tries.append(solved)
+                scales = {term: FIRMER * scale for term, scale in scales.items()}
+                continue
             if not solved.converged:
-                return replace(solved, state=state, iterations=iterations)
+                failed = tries[0] if part == DEEP and tries else solved
+                return replace(failed, state=state, iterations=iterations)
             now = replace(solved.state, contact=None)
             pressed = other.approach.accept(solved.state)[1]  # type: ignore[union-attr]
             scales = {term: max(FIRMNESS * told.peak, scales[term]) for term, told in zip(terms, pressed, strict=True)}

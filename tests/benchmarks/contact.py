@@ -76,7 +76,7 @@ def capstan(friction, turn, per_half_turn, R=0.1, a=0.002, T1=10.0):
     rod = cf.Rod("rope", section, points, n_elements=round((turn * r + 2 * free) / h))
     drum = cf.Part("drum", shape=cf.Cylinder((0, 0, -0.05), (0, 0, 0.05), R))
     puller = cf.Part("puller", motion=cf.Slider(tuple(out), 1.0))
-    terms = [cf.PartContact(rod, drum, friction=friction), cf.PointLoad(rod, "start", (0, -T1, 0))]
+    terms = [cf.PartContact(rod, drum, friction=friction, pressure=T1 / R), cf.PointLoad(rod, "start", (0, -T1, 0))]
     model = cf.Model([rod], [cf.Pin(rod, "end", to=puller)], terms)
     start = time.process_time()
     history = cf.solve_quasistatic(model, a * np.arange(6) / 2)
