@@ -40,3 +40,13 @@ def centreline(model, rod, state, count):
     local = np.arange(0, len(nodes) - 1, order)[:, None] + np.arange(order + 1)
     places = np.einsum("ak,eai->eki", np.broadcast_to(N, (order + 1, count)), state.r[nodes[local]])
     return np.concatenate([places.reshape(-1, 3), state.r[nodes[-1:]]])
+
+
+def round_a_drum(r, turn, h, free):
+    """Drawing (n, 3) of a rope that comes up, goes round a drum at distance r [m] from its axis z by `turn` [rad] and on
+    straight by `free` [m], in pieces of a quarter of h [m]; and the direction (3,) in which it leaves."""
+    angle = np.linspace(0, turn, int(4 * turn * r / h))
+    arc = r * np.stack([-np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    out = np.array([np.sin(turn), np.cos(turn), 0.0])
+    span = np.linspace(-free, -h / 4, 12)[:, None]
+    return np.concatenate([arc[0] + span * [0, 1, 0], arc, arc[-1] - span[::-1] * out]), out

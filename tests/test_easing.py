@@ -6,7 +6,7 @@ import pytest
 import cosserat_fem as cf
 from cosserat_fem.iteration.easing import eased
 from cosserat_fem.iteration.newton import Newton
-from helpers import centreline
+from helpers import centreline, round_a_drum
 
 RADIUS = 0.005
 CABLE = cf.Section.round(2 * RADIUS, youngs_modulus=1e8, poisson_ratio=0.3, density=1200)
@@ -122,11 +122,7 @@ def test_a_load_far_from_what_was_thought():
     )
     r, free = drum_radius + radius + 2e-5, 0.05
     h = np.pi * r / 40
-    angle = np.linspace(0, turn, int(4 * turn * r / h))
-    arc = r * np.stack([-np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-    out = np.array([np.sin(turn), np.cos(turn), 0.0])
-    span = np.linspace(-free, -h / 4, 12)[:, None]
-    points = np.concatenate([arc[0] + span * [0, 1, 0], arc, arc[-1] - span[::-1] * out])
+    points, _ = round_a_drum(r, turn, h, free)
     rope = cf.Rod("rope", section, points, n_elements=round((turn * r + 2 * free) / h))
     drum = cf.Part("drum", shape=cf.Cylinder((0, 0, -0.05), (0, 0, 0.05), drum_radius))
     terms = [cf.PartContact(rope, drum, friction=0.3), cf.PointLoad(rope, "start", (0, -pull, 0))]

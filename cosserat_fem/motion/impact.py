@@ -50,7 +50,7 @@ class Impact:
         self.model, self.balance = model, balance
         # part of what lasts that does its work with its force at the end of a step: half of it, as of other forces, to
         # second order; all of it beside friction, whose work is known as that of its end
-        self.last = 0.5 if all(term.friction == 0.0 for term in model.contacts) else 1.0
+        self.lasting = 0.5 if all(term.friction == 0.0 for term in model.contacts) else 1.0
 
     def feel(self, state: State, rates: Rates, lasts: np.ndarray) -> tuple[Rates, Grip]:
         """Contact at an accepted state, and rates that have it where it lasts; given are some that have it at `lasts`."""
@@ -79,7 +79,7 @@ class Impact:
     def leave(self, step: InertiaStep, grip: Grip, solved: Solved) -> Solved:
         """Take impulses out of the rates of a converged step; its residual then has contact once, as it is at the end."""
         last = -self.model.touching(solved.state)
-        late = np.where(grip.lasts, self.last, step.late)
+        late = np.where(grip.lasts, self.lasting, step.late)
         step.shared = late * last + (1.0 - late) * grip.force
         impulse = np.where(grip.lasts, 0.0, step.shared)
         w, left = self.balance.share(solved.state, impulse)

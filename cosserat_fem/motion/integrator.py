@@ -564,7 +564,7 @@ class Run:
         stored = self._stored(solved.state)
         if self.impact is None:
             return stored, 0.0
-        late = self.impact.last if self.grip.steady else inertia.late
+        late = self.impact.lasting if self.grip.steady else inertia.late
         added = float(np.vdot(inertia.shared, inertia.D))
         both = zip(
             self._contact_names, self.model.contacts, self.stored, stored, self.pressed, solved.pressed, strict=True

@@ -28,6 +28,8 @@ ROOT = pathlib.Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
 from verification import contact_references
 
+from helpers import round_a_drum
+
 RADIUS, ROD = 0.1, 0.001  # m, of the sphere and of the rod on it
 
 
@@ -68,11 +70,7 @@ def capstan(friction, turn, per_half_turn, R=0.1, a=0.002, T1=10.0):
     section = cf.Section(force_stiffness=3 * (1e5,), moment_stiffness=3 * (EI,), mass_per_length=0.01, radius=a)
     r, free = R + a + 2e-5, 0.05
     h = np.pi * r / per_half_turn
-    angle = np.linspace(0, turn, int(4 * turn * r / h))
-    arc = r * np.stack([-np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-    out = np.array([np.sin(turn), np.cos(turn), 0.0])
-    span = np.linspace(-free, -h / 4, 12)[:, None]
-    points = np.concatenate([arc[0] + span * [0, 1, 0], arc, arc[-1] - span[::-1] * out])
+    points, out = round_a_drum(r, turn, h, free)
     rod = cf.Rod("rope", section, points, n_elements=round((turn * r + 2 * free) / h))
     drum = cf.Part("drum", shape=cf.Cylinder((0, 0, -0.05), (0, 0, 0.05), R))
     puller = cf.Part("puller", motion=cf.Slider(tuple(out), 1.0))
