@@ -71,10 +71,10 @@ def press(rows, runs, nodes, coefficients, law, friction, rubbing, exact, force,
 
     rows: of `reach.find`; runs (S + 1,): where the points of each touched element begin; nodes (S, A); law (5,): core
     radius (distance at which the barrier is infinite), range, scale, stiffness and depth of a compliant layer; friction
-    (3,): mu, elastic slip, lever (radius of the rod). rubbing: kept (K, 3), slip kept from before; away (N, 3), way of each
-    node relative to the part since then; theta, T, R: of `turned`, rotation matrices. Empty without friction. exact: keep
+    (3,): mu, elastic slip, lever (radius of the rod). rubbing: kept (K, 3), slip kept from before; away, theta, T, R: of
+    `moved_past`, since then. Empty without friction. exact: keep
     the part of the stiffness that pressure has by the curvature of the obstacle. found (K, 8): pressure, friction
-    per pressure (3), slip (3), potential. The stiffness is written whatever it was, the others must be zero.
+    per pressure (3), slip (3), potential; or empty. The stiffness is written whatever it was, the others must be zero.
     Returns the largest weight times stiffness [N/m].
 
     The stiffness at a point is the same for all pairs of nodes a, b but for a factor N_a N_b: it is summed over the points
@@ -96,7 +96,7 @@ def add_points(rows, runs, nodes, coefficients, law, friction, rubbing, exact, f
     core, G, P, soft, depth = law
     mu, elastic, lever = friction
     kept, away, theta, T, R = rubbing
-    rubs, tangent, stiffest = mu > 0.0, stiffness.shape[0] > 0, 0.0
+    rubs, tangent, told, stiffest = mu > 0.0, stiffness.shape[0] > 0, found.shape[0] > 0, 0.0
     for s in range(nodes.shape[0]):
         for k in range(runs[s], runs[s + 1]):
             w, n0, n1, n2 = rows[k, 1], rows[k, 3], rows[k, 4], rows[k, 5]
@@ -105,7 +105,8 @@ def add_points(rows, runs, nodes, coefficients, law, friction, rubbing, exact, f
                 p1, k1, psi1 = layer(core + G + depth - rows[k, 2], soft, G)
                 p, stiff, psi = p + p1, stiff + k1, psi + psi1
             stiffest = max(stiffest, w * stiff)
-            found[k, 0], found[k, 7] = p, psi
+            if told:
+                found[k, 0], found[k, 7] = p, psi
             t = rows[k, 0] - 0.5
             for a in range(A):
                 value = 0.0
@@ -133,8 +134,9 @@ def add_points(rows, runs, nodes, coefficients, law, friction, rubbing, exact, f
             u2 = z2 - n2 * nz - lever * (t0 * n1 - t1 * n0)
             f, g = slide(u0, u1, u2, mu, elastic)
             m0, m1, m2 = f * u0, f * u1, f * u2
-            found[k, 1], found[k, 2], found[k, 3] = m0, m1, m2
-            found[k, 4], found[k, 5], found[k, 6] = u0, u1, u2
+            if told:
+                found[k, 1], found[k, 2], found[k, 3] = m0, m1, m2
+                found[k, 4], found[k, 5], found[k, 6] = u0, u1, u2
             c0, c1, c2 = n1 * m2 - n2 * m1, n2 * m0 - n0 * m2, n0 * m1 - n1 * m0
             for a in range(A):
                 part = w * p * N[a]
@@ -168,8 +170,8 @@ def add_pressed(rows, k, w, stiff, bend, N, of_pairs):
     n0, n1, n2 = rows[k, 3], rows[k, 4], rows[k, 5]
     along, across = w * stiff, w * bend
     k00, k01 = along * n0 * n0 - across * rows[k, 6], along * n0 * n1 - across * rows[k, 7]
-    k02, k11 = along * n0 * n2 - across * rows[k, 8], along * n1 * n1 - across * rows[k, 10]
-    k12, k22 = along * n1 * n2 - across * rows[k, 11], along * n2 * n2 - across * rows[k, 14]
+    k02, k11 = along * n0 * n2 - across * rows[k, 8], along * n1 * n1 - across * rows[k, 9]
+    k12, k22 = along * n1 * n2 - across * rows[k, 10], along * n2 * n2 - across * rows[k, 11]
     pair = 0
     for a in range(N.shape[0]):
         for b in range(a + 1):
@@ -199,7 +201,8 @@ def rubbed_point(rows, k, p, stiff, bend, lever, u, f, g, z, turn, point):
     lf, lg, arm = lever * fp, lever * gp, lever * lever
     for j in range(3):
         nj = n0 if j == 0 else n1 if j == 1 else n2
-        H0, H1, H2 = rows[k, 6 + j], rows[k, 9 + j], rows[k, 12 + j]
+        H0, H1 = rows[k, 6 + j], rows[k, 7] if j == 0 else rows[k, 8 + j]
+        H2 = rows[k, 8] if j == 0 else rows[k, 9 + j]
         Hz = nj + H0 * z0 + H1 * z1 + H2 * z2
         x0 = (1.0 if j == 0 else 0.0) - nz * H0 - n0 * Hz - lever * (t1 * H2 - t2 * H1)
         x1 = (1.0 if j == 1 else 0.0) - nz * H1 - n1 * Hz - lever * (t2 * H0 - t0 * H2)
@@ -229,6 +232,11 @@ def rubbed_point(rows, k, p, stiff, bend, lever, u, f, g, z, turn, point):
 def settle(s, of_nodes, of_pairs, tangent, force, stiffness):
     """Write the sums over the points of an element without friction, and clear them."""
     A, pair = of_nodes.shape[0], 0
+    if tangent:
+        block = stiffness[s]
+        for i in range(6 * A):
+            for j in range(6 * A):
+                block[i, j] = 0.0
     for a in range(A):
         for i in range(3):
             force[s, a, i] = of_nodes[a, i]
@@ -240,12 +248,9 @@ def settle(s, of_nodes, of_pairs, tangent, force, stiffness):
             k11, k12, k22 = of_pairs[pair, 3], of_pairs[pair, 4], of_pairs[pair, 5]
             for turn in range(2):
                 i, j = (6 * a, 6 * b) if turn == 0 else (6 * b, 6 * a)
-                for k in range(6):
-                    for l in range(6):
-                        stiffness[s, i + k, j + l] = 0.0
-                stiffness[s, i, j], stiffness[s, i, j + 1], stiffness[s, i, j + 2] = k00, k01, k02
-                stiffness[s, i + 1, j], stiffness[s, i + 1, j + 1], stiffness[s, i + 1, j + 2] = k01, k11, k12
-                stiffness[s, i + 2, j], stiffness[s, i + 2, j + 1], stiffness[s, i + 2, j + 2] = k02, k12, k22
+                block[i, j], block[i, j + 1], block[i, j + 2] = k00, k01, k02
+                block[i + 1, j], block[i + 1, j + 1], block[i + 1, j + 2] = k01, k11, k12
+                block[i + 2, j], block[i + 2, j + 1], block[i + 2, j + 2] = k02, k12, k22
             for i in range(6):
                 of_pairs[pair, i] = 0.0
             pair += 1
@@ -266,9 +271,10 @@ def settle_rubbed(s, nodes, T, R, of_nodes, of_pairs, tangent, force, stiffness)
         if not tangent:
             continue
         for b in range(a + 1):
-            turned_block(s, 6 * a, 6 * b, node, nodes[s, b], of_pairs, pair, T, R, stiffness)
+            other = nodes[s, b]
+            turned_block(of_pairs[pair], T[other], R[node], stiffness[s, 6 * a : 6 * a + 6, 6 * b : 6 * b + 6])
             if a != b:
-                turned_block(s, 6 * b, 6 * a, nodes[s, b], node, of_pairs, pair, T, R, stiffness)
+                turned_block(of_pairs[pair], T[node], R[other], stiffness[s, 6 * b : 6 * b + 6, 6 * a : 6 * a + 6])
             for i in range(36):
                 of_pairs[pair, i] = 0.0
             pair += 1
@@ -284,65 +290,88 @@ def settle_rubbed(s, nodes, T, R, of_nodes, of_pairs, tangent, force, stiffness)
 
 
 @fused
-def turned_block(s, row, column, mine, node, of_pairs, pair, T, R, K):
-    """Block of two nodes: rotations come in by T of the second, moments go out by R^T of the first."""
-    t00, t01, t02 = T[node, 0, 0], T[node, 0, 1], T[node, 0, 2]
-    t10, t11, t12 = T[node, 1, 0], T[node, 1, 1], T[node, 1, 2]
-    t20, t21, t22 = T[node, 2, 0], T[node, 2, 1], T[node, 2, 2]
+def turned_block(B, T, R, K):
+    """Block K (6, 6) of two nodes from sums B (36,): rotations come in by T of one, moments go out by R^T of the other."""
+    t00, t01, t02 = T[0, 0], T[0, 1], T[0, 2]
+    t10, t11, t12 = T[1, 0], T[1, 1], T[1, 2]
+    t20, t21, t22 = T[2, 0], T[2, 1], T[2, 2]
     for i in range(3):
-        o = 6 * i
-        l0, l1, l2 = of_pairs[pair, o + 3], of_pairs[pair, o + 4], of_pairs[pair, o + 5]
-        f0, f1, f2 = of_pairs[pair, o], of_pairs[pair, o + 1], of_pairs[pair, o + 2]
-        K[s, row + i, column], K[s, row + i, column + 1], K[s, row + i, column + 2] = f0, f1, f2
-        K[s, row + i, column + 3] = l0 * t00 + l1 * t10 + l2 * t20
-        K[s, row + i, column + 4] = l0 * t01 + l1 * t11 + l2 * t21
-        K[s, row + i, column + 5] = l0 * t02 + l1 * t12 + l2 * t22
+        l0, l1, l2 = B[6 * i + 3], B[6 * i + 4], B[6 * i + 5]
+        K[i, 0], K[i, 1], K[i, 2] = B[6 * i], B[6 * i + 1], B[6 * i + 2]
+        K[i, 3] = l0 * t00 + l1 * t10 + l2 * t20
+        K[i, 4] = l0 * t01 + l1 * t11 + l2 * t21
+        K[i, 5] = l0 * t02 + l1 * t12 + l2 * t22
     for i in range(3):
-        r0, r1, r2 = R[mine, 0, i], R[mine, 1, i], R[mine, 2, i]
+        r0, r1, r2 = R[0, i], R[1, i], R[2, i]
         for j in range(3):
-            K[s, row + 3 + i, column + j] = (
-                r0 * of_pairs[pair, 18 + j] + r1 * of_pairs[pair, 24 + j] + r2 * of_pairs[pair, 30 + j]
-            )
-        w0 = r0 * of_pairs[pair, 21] + r1 * of_pairs[pair, 27] + r2 * of_pairs[pair, 33]
-        w1 = r0 * of_pairs[pair, 22] + r1 * of_pairs[pair, 28] + r2 * of_pairs[pair, 34]
-        w2 = r0 * of_pairs[pair, 23] + r1 * of_pairs[pair, 29] + r2 * of_pairs[pair, 35]
-        K[s, row + 3 + i, column + 3] = w0 * t00 + w1 * t10 + w2 * t20
-        K[s, row + 3 + i, column + 4] = w0 * t01 + w1 * t11 + w2 * t21
-        K[s, row + 3 + i, column + 5] = w0 * t02 + w1 * t12 + w2 * t22
+            K[3 + i, j] = r0 * B[18 + j] + r1 * B[24 + j] + r2 * B[30 + j]
+        w0 = r0 * B[21] + r1 * B[27] + r2 * B[33]
+        w1 = r0 * B[22] + r1 * B[28] + r2 * B[34]
+        w2 = r0 * B[23] + r1 * B[29] + r2 * B[35]
+        K[3 + i, 3] = w0 * t00 + w1 * t10 + w2 * t20
+        K[3 + i, 4] = w0 * t01 + w1 * t11 + w2 * t21
+        K[3 + i, 5] = w0 * t02 + w1 * t12 + w2 * t22
 
 
 @kernel
-def turned(q, q0, theta, T):
+def moved_past(r, q, r0, q0, turn, S, shift, away, theta, T, R):
+    """How nodes have moved past a part that went from y to S y + shift meanwhile, S of the quaternion turn (4,).
+
+    r, q and r0, q0: places (N, 3) and attitudes (N, 4) now and then; away (N, 3): r less where r0 would be if it had gone
+    with the part; theta, T, R: as of `turned`, with q0 turned by S.
+    """
+    s0, s1, s2, s3 = turn[0], turn[1], turn[2], turn[3]
+    gone, before = np.empty(4), np.empty(4)
+    for k in range(r.shape[0]):
+        for i in range(3):
+            with_part = S[i, 0] * r0[k, 0] + S[i, 1] * r0[k, 1] + S[i, 2] * r0[k, 2] + shift[i]
+            away[k, i] = r[k, i] - with_part
+            before[i] = q0[k, i]
+        before[3] = q0[k, 3]
+        gone[0] = s0 * before[0] - s1 * before[1] - s2 * before[2] - s3 * before[3]
+        gone[1] = s0 * before[1] + s1 * before[0] + s2 * before[3] - s3 * before[2]
+        gone[2] = s0 * before[2] - s1 * before[3] + s2 * before[0] + s3 * before[1]
+        gone[3] = s0 * before[3] + s1 * before[2] - s2 * before[1] + s3 * before[0]
+        turn_of_node(q[k], gone, theta[k], T[k], R[k])
+
+
+@kernel
+def turned(q, q0, theta, T, R):
     """Rotation vectors theta (N, 3), in space, from attitudes q0 to q (N, 4), and T (N, 3, 3), their change with a spin.
 
-    T phi is the change of theta under the body rotation vector phi: inverse left tangent map times R.
+    T phi is the change of theta under the body rotation vector phi: inverse left tangent map times R (N, 3, 3), of q.
     """
-    R = np.empty((3, 3))
     for k in range(q.shape[0]):
-        a0, a1, a2, a3 = q[k, 0], q[k, 1], q[k, 2], q[k, 3]
-        b0, b1, b2, b3 = q0[k, 0], -q0[k, 1], -q0[k, 2], -q0[k, 3]
-        t0, t1, t2 = log_quaternion(
-            a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3,
-            a0 * b1 + a1 * b0 + a2 * b3 - a3 * b2,
-            a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1,
-            a0 * b3 + a1 * b2 - a2 * b1 + a3 * b0,
-        )
-        theta[k, 0], theta[k, 1], theta[k, 2] = t0, t1, t2
-        rotation_matrix(a0, a1, a2, a3, R)
-        angle2 = t0 * t0 + t1 * t1 + t2 * t2
-        # 1 - theta/2 x + f theta x theta x
-        if angle2 < 1e-4:
-            f = 1.0 / 12.0 + angle2 / 720.0
-        else:
-            half = 0.5 * sqrt(angle2)
-            f = (1.0 - half * np.cos(half) / np.sin(half)) / angle2
-        for j in range(3):
-            v0, v1, v2 = R[0, j], R[1, j], R[2, j]
-            c0, c1, c2 = t1 * v2 - t2 * v1, t2 * v0 - t0 * v2, t0 * v1 - t1 * v0
-            e0, e1, e2 = t1 * c2 - t2 * c1, t2 * c0 - t0 * c2, t0 * c1 - t1 * c0
-            T[k, 0, j] = v0 - 0.5 * c0 + f * e0
-            T[k, 1, j] = v1 - 0.5 * c1 + f * e1
-            T[k, 2, j] = v2 - 0.5 * c2 + f * e2
+        turn_of_node(q[k], q0[k], theta[k], T[k], R[k])
+
+
+@lean
+def turn_of_node(q, q0, theta, T, R):
+    """As `turned`, of one node."""
+    a0, a1, a2, a3 = q[0], q[1], q[2], q[3]
+    b0, b1, b2, b3 = q0[0], -q0[1], -q0[2], -q0[3]
+    t0, t1, t2 = log_quaternion(
+        a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3,
+        a0 * b1 + a1 * b0 + a2 * b3 - a3 * b2,
+        a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1,
+        a0 * b3 + a1 * b2 - a2 * b1 + a3 * b0,
+    )
+    theta[0], theta[1], theta[2] = t0, t1, t2
+    rotation_matrix(a0, a1, a2, a3, R)
+    angle2 = t0 * t0 + t1 * t1 + t2 * t2
+    # 1 - theta/2 x + f theta x theta x
+    if angle2 < 1e-4:
+        f = 1.0 / 12.0 + angle2 / 720.0
+    else:
+        half = 0.5 * sqrt(angle2)
+        f = (1.0 - half * np.cos(half) / np.sin(half)) / angle2
+    for j in range(3):
+        v0, v1, v2 = R[0, j], R[1, j], R[2, j]
+        c0, c1, c2 = t1 * v2 - t2 * v1, t2 * v0 - t0 * v2, t0 * v1 - t1 * v0
+        e0, e1, e2 = t1 * c2 - t2 * c1, t2 * c0 - t0 * c2, t0 * c1 - t1 * c0
+        T[0, j] = v0 - 0.5 * c0 + f * e0
+        T[1, j] = v1 - 0.5 * c1 + f * e1
+        T[2, j] = v2 - 0.5 * c2 + f * e2
 
 
 @lean

@@ -70,7 +70,7 @@ def press_pairs(
 
     rows: of `reach.find`; nodes1, nodes2 (K, A): of the elements of both places; slot (K,): which block; laws (K, 7): core
     distance, range, scale, stiffness and depth of a layer, radius of both rods; friction (2,): mu, elastic slip.
-    kept (K, 3), r0 (N, 3): slip and places last accepted; theta, T, R: of `contact.turned`, rotation matrices. exact: with
+    kept (K, 3), r0 (N, 3): slip and places last accepted; theta, T, R: of `contact.turned`. exact: with
     the curvature of the distance. found (K, 8): pressure, friction per pressure, slip, potential. Returns the largest
     weight times stiffness.
     """
@@ -101,10 +101,10 @@ def press_pairs(
             p, stiff, psi = p + p1, stiff + k1, psi + psi1
         stiffest = max(stiffest, weight * stiff)
         shape(coefficients, row[0], N1, D1)
-        shape(coefficients, row[16], N2, D2)
+        shape(coefficients, row[7], N2, D2)
         for i in range(3):
-            n[i], t[i], x2[i] = row[3 + i], row[17 + i], row[20 + i]
-        free = row[23] > 0.0
+            n[i], t[i], x2[i] = row[3 + i], row[8 + i], row[11 + i]
+        free = row[14] > 0.0
         bend = dot(t, t) / d - dot(n, x2)
         if bend <= 0.0:
             free = False

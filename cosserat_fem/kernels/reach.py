@@ -23,9 +23,9 @@ from . import fused, kernel, lean
 from .shapes import MESH, TORUS, beyond, closed_form, over_facet, triangles
 from .strand import element_polynomial, nearest_on_strand, place_at
 
-# columns of a point: xi, weight, distance, n (3), H (9); of a point on another rod cell, xi, slope (3), second derivative
-# (3), and 1 if it is free to slide along
-COLUMNS, OUT = 24, 26
+# columns of a point: xi, weight, distance, n (3); then of a part H (6, its upper triangle by rows), of another rod cell, xi,
+# slope (3), second derivative (3), and 1 if it is free to slide along
+COLUMNS, OUT = 15, 26
 MOST_PIECES = 32  # of a cell over small facets
 # pieces of a cell that may touch another rod or a torus; longest arc of a cell over its chord
 ON_STRAND, BENT = 2, 1.1
@@ -127,14 +127,16 @@ def add_stretch(C, a, b, h, X, W, Q, on, facets, rods, at, count, entry, rows, o
                 row[3 + i] = Q[i, 0] * out[1] + Q[i, 1] * out[2] + Q[i, 2] * out[3]
             if rods is not None:
                 for i in range(9):
-                    row[15 + i] = out[17 + i]
+                    row[6 + i] = out[17 + i]
             else:
+                column = 6
                 for i in range(3):
                     h0 = Q[i, 0] * out[4] + Q[i, 1] * out[7] + Q[i, 2] * out[10]
                     h1 = Q[i, 0] * out[5] + Q[i, 1] * out[8] + Q[i, 2] * out[11]
                     h2 = Q[i, 0] * out[6] + Q[i, 1] * out[9] + Q[i, 2] * out[12]
-                    for j in range(3):
-                        row[6 + 3 * i + j] = h0 * Q[j, 0] + h1 * Q[j, 1] + h2 * Q[j, 2]
+                    for j in range(i, 3):
+                        row[column] = h0 * Q[j, 0] + h1 * Q[j, 1] + h2 * Q[j, 2]
+                        column += 1
             owners[count] = entry
         count += 1
     return count
@@ -218,7 +220,7 @@ def along_piece(facets, index, count, y, far, short):
 
 
 @kernel
-def find(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners):
+def find(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, runs):
     """Gauss points of all stretches on which an obstacle presses.
 
     entries (M, 4): cell, obstacle, and where its triangles or the cells of its strand begin and end; line: see `clearance`;
@@ -226,9 +228,10 @@ def find(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners):
     these are stopped like the rest; h (E,) [m]: lengths of elements. obstacles: kinds (O,), sizes (O, 3), frames Q
     (O, 3, 3), c (O, 3), levels (O,): distances below which they press, cores (O,): distances that are never reached. mesh:
     facets, the triangles that entries name, and balls, as `shapes.facets` makes them; rods: as `strand.nearest_on_strand`
-    takes them; None where there is none, which is another compiled version. rows (K, COLUMNS), owners (K,): written, as far
-    as there is room.
-    Returns (points wanted, smallest distance - core, its entry, its xi).
+    takes them; None where there is none, which is another compiled version. rows (K, COLUMNS), owners (3, K), element, cell
+    and obstacle of each point: written, as far as there is room. runs (M + 1,): where the points of each touched element
+    begin, and end.
+    Returns (points wanted, touched elements, smallest distance - core, its entry, its xi).
     """
     C = np.empty((line[2].shape[1], 3))
     longest = 0
@@ -236,7 +239,28 @@ def find(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners):
         longest = max(longest, entries[m, 3] - entries[m, 2])
     lists = np.empty(longest, dtype=np.int64), np.empty(longest, dtype=np.int64)
     at = np.empty(3), np.empty(3), np.empty(OUT)
-    return go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, lists, at)
+    count, nearest, where, place = go_along(
+        entries, line, tips, h, r, obstacles, mesh, rods, rows, owners[0], C, lists, at
+    )  # fmt: skip
+    touched = name_owners(entries, line[0], min(count, rows.shape[0]), owners, runs)
+    return count, touched, nearest, where, place
+
+
+@lean
+def name_owners(entries, cells, count, owners, runs):
+    """Element, cell and obstacle of each point, whose entry is in owners[0]; number of touched elements, and their runs."""
+    touched, before = 0, -1
+    for k in range(count):
+        m = owners[0, k]
+        cell = entries[m, 0]
+        e = cells[cell, 0]
+        owners[0, k], owners[1, k], owners[2, k] = e, cell, entries[m, 1]
+        if e != before:
+            runs[touched] = k
+            touched += 1
+            before = e
+    runs[touched] = count
+    return touched
 
 
 @lean

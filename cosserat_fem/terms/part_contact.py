@@ -17,7 +17,7 @@ import numpy as np
 
 from ..kernels import clearance
 from ..kernels import contact as kernels
-from ..kernels.rotation import matrix_from_quaternion, multiply, quaternion_from_matrix
+from ..kernels.rotation import quaternion_from_matrix
 from ..kernels.shapes import MESH
 from ..mechanism import Part
 from ..rod import Rod
@@ -155,24 +155,24 @@ class PartContact:
         found = near.find(state)
         if not len(found.rows):
             return NOTHING
-        touched, force, stiffness, _, stiffest = self._press(state, space, found, tangent, exact)
+        touched, force, stiffness, _, stiffest = self._press(state, space, found, tangent, exact, told=False)
         cells = near.cells
         return Blocks(
             cells.nodes[touched], force, stiffness if tangent else None, (cells.group, cells.numbers[touched]), stiffest
         )
 
     def _press(
-        self, state: State, space: Space, found: Found, tangent: bool, exact: bool
+        self, state: State, space: Space, found: Found, tangent: bool, exact: bool, *, told: bool = True
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
-        """Touched elements, residual force, stiffness, what each point does, largest stiffness."""
+        """Touched elements, residual force, stiffness, what each point does if it is to be told, largest stiffness."""
         cells = self._near(space).cells
-        new = np.flatnonzero(np.diff(found.element, prepend=-1))
-        touched, runs = found.element[new], np.append(new, len(found.element))
+        runs = found.runs
+        touched = found.element[runs[:-1]]
         nodes = cells.nodes[touched]
         S, A = nodes.shape
         force = np.zeros((S, A, 6))
         stiffness = np.empty((S, 6 * A, 6 * A)) if tangent else NOBODY
-        values = np.zeros((len(found.rows), 8))
+        values = np.zeros((len(found.rows) if told else 0, 8))
         contact = state.contact or fresh(state, self, space)
         depth = (0.0, 0.0) if self.layer is None else self.layer
         law = np.array([self.core, self.range, contact.touch[self].scale, *depth])
@@ -189,10 +189,12 @@ class PartContact:
         (R, c), (R0, c0) = self.part.pose(contact.time), self.part.pose(contact.base_time)
         step = R @ R0.T
         kept = slips_at(contact.touch[self], near.keys(found)) @ R.T
-        away = state.r - ((contact.base_r - c0) @ step.T + c)
-        theta, T = np.empty_like(away), np.empty((len(away), 3, 3))
-        kernels.turned(state.q, multiply(quaternion_from_matrix(step), contact.base_q), theta, T)
-        return kept, away, theta, T, matrix_from_quaternion(state.q)
+        (away, theta), (T, R) = np.empty((2, *state.r.shape)), np.empty((2, len(state.r), 3, 3))
+        turn = quaternion_from_matrix(step)
+        kernels.moved_past(
+            state.r, state.q, contact.base_r, contact.base_q, turn, step, c - step @ c0, away, theta, T, R
+        )
+        return kept, away, theta, T, R
 
     def gap(self, state: State, space: Space) -> float:
         """Smallest distance [m] that was looked at, minus the one that is never reached."""
@@ -318,13 +320,16 @@ class Near:
         )
         self.middle: np.ndarray | None = None
         self._found: list[tuple[np.ndarray, float, Found]] = []
+        self._posed: tuple[float, tuple[np.ndarray, np.ndarray]] | None = None
         self._seen: tuple[np.ndarray, float]  # where the nodes were when the rod looked around, and when
         self._least: float  # of what cells were allowed then
 
     def poses(self, time: float) -> tuple[np.ndarray, np.ndarray]:
         """Frames (O, 3, 3) and origins (O, 3) of all obstacles in space."""
-        R, c = self.term.part.pose(time)
-        return R @ self.frames, self.origins @ R.T + c
+        if self._posed is None or (time != self._posed[0] and self.term.part.motion is not None):
+            R, c = self.term.part.pose(time)
+            self._posed = time, (R @ self.frames, self.origins @ R.T + c)
+        return self._posed[1]
 
     @staticmethod
     def time(state: State) -> float:

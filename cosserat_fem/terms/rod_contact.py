@@ -18,7 +18,6 @@ from scipy.spatial import cKDTree
 
 from ..kernels import contact as kernels
 from ..kernels.pairs import press_pairs
-from ..kernels.rotation import matrix_from_quaternion
 from ..kernels.shapes import STRAND
 from ..kernels.strand import cell_ends, largest_step_between
 from ..rod import Rod
@@ -153,7 +152,7 @@ class RodContact:
         """Nodes of touching pairs of elements (B, 2 A), residual force, stiffness, what each point does, the stiffest."""
         near = self._near(space)
         cells = near.cells
-        other = cells.cells[found.rows[:, 15].astype(np.int64), 0]
+        other = cells.cells[found.rows[:, 6].astype(np.int64), 0]
         _, first, slot = np.unique(found.element * len(cells.h) + other, return_index=True, return_inverse=True)
         nodes = np.concatenate([cells.nodes[found.element[first]], cells.nodes[other[first]]], axis=1)
         B, A = len(first), cells.nodes.shape[1]
@@ -166,9 +165,8 @@ class RodContact:
         T = R = NOBODY
         if self.friction > 0:
             kept = slips_at(touch, near.keys(found))
-            theta, T = np.empty_like(state.r), np.empty((len(state.r), 3, 3))
-            kernels.turned(state.q, contact.base_q, theta, T)
-            R = matrix_from_quaternion(state.q)
+            theta, (T, R) = np.empty_like(state.r), np.empty((2, len(state.r), 3, 3))
+            kernels.turned(state.q, contact.base_q, theta, T, R)
         stiffest = press_pairs(
             found.rows, cells.nodes[found.element], cells.nodes[other], slot, cells.coefficients, state.r,
             near.laws(found, touch.scale), np.array([self.friction, self.slip]), kept, contact.base_r, theta, T, R, exact,

@@ -140,13 +140,15 @@ class Obstacles:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Points near enough to press: rows of the kernel, element (K,), cell (K,), obstacle (K,) of each; the smallest
-    distance minus core [m], and the cell, obstacle and xi where it is."""
+    """Points near enough to press: rows of the kernel, element (K,), cell (K,), obstacle (K,) of each; where those of each
+    touched element begin and end, runs (S + 1,); the smallest distance minus core [m], and the cell, obstacle and xi where
+    it is."""
 
     rows: np.ndarray
     element: np.ndarray
     cell: np.ndarray
     obstacle: np.ndarray
+    runs: np.ndarray
     gap: float
     lowest: tuple[int, int, float]
 
@@ -156,17 +158,19 @@ def search(
 ) -> Found:
     """All places at which cells are pressed, of entries (M, 4): cell, obstacle, and its first and last piece."""
     room = 64 + (8 if obstacles.mesh is None and obstacles.rods is None else 20) * len(entries)
+    runs = np.empty(len(entries) + 1, dtype=np.int64)
     while True:
-        rows, owners = np.empty((room, COLUMNS)), np.empty(room, dtype=np.int64)
-        count, gap, where, place = find(
+        rows, owners = np.empty((room, COLUMNS)), np.empty((3, room), dtype=np.int64)
+        count, touched, gap, where, place = find(
             entries, cells.line, cells.tips, cells.h, r, obstacles.at(Q, c), obstacles.mesh, obstacles.rods, rows, owners,
+            runs,
         )  # fmt: skip
         if count <= room:
             break
         room = count
-    cell, obstacle = entries[owners[:count], :2].T
+    element, cell, obstacle = owners[:, :count]
     lowest = (int(entries[where, 0]), int(entries[where, 1]), place) if where >= 0 else (0, 0, 0.0)
-    return Found(rows[:count], cells.cells[cell, 0], cell, obstacle, gap, lowest)
+    return Found(rows[:count], element, cell, obstacle, runs[: touched + 1], gap, lowest)
 
 
 def contact_radius(where: str, rod: Rod, given: float | None) -> float:

@@ -7,6 +7,7 @@ import pytest
 import scipy.optimize
 import scipy.spatial
 from numba import njit
+from scipy.spatial.transform import Rotation
 
 import cosserat_fem as cf
 from cosserat_fem.kernels import contact as kernels
@@ -172,6 +173,27 @@ def test_friction_law(rng):
         friction(u + h * e, mu, elastic, plus, np.empty_like(M))
         friction(u - h * e, mu, elastic, minus, np.empty_like(M))
         np.testing.assert_allclose((plus - minus) / (2 * h), M[:, :, i], atol=1e-6 * mu / elastic)
+
+
+def test_moved_past(rng):
+    """Places and attitudes less those that would have gone with the part; `turned` says the same of one that stands."""
+    part = Rotation.from_rotvec([0.4, -0.8, 0.3])
+    then, spin = Rotation.random(20, rng), Rotation.from_rotvec(0.5 * rng.normal(size=(20, 3)))
+    now = spin * part * then
+    q, q0, turn = (x.as_quat(scalar_first=True) for x in (now, then, part))
+    r, r0, shift = rng.normal(size=(20, 3)), rng.normal(size=(20, 3)), rng.normal(size=3)
+    (away, theta), (T, R) = np.empty((2, 20, 3)), np.empty((2, 20, 3, 3))
+    kernels.moved_past(r, q, r0, q0, turn, part.as_matrix(), shift, away, theta, T, R)
+    np.testing.assert_allclose(away, r - part.apply(r0) - shift, atol=1e-14)
+    np.testing.assert_allclose(theta, spin.as_rotvec(), atol=1e-13)
+    np.testing.assert_allclose(R, now.as_matrix(), atol=1e-14)
+    for i, e in enumerate(1e-6 * np.eye(3)):
+        plus, minus = (now * Rotation.from_rotvec(sign * e) * (part * then).inv() for sign in (1, -1))
+        np.testing.assert_allclose((plus.as_rotvec() - minus.as_rotvec()) / 2e-6, T[:, :, i], atol=1e-9)
+    stood, (T0, R0) = np.empty((20, 3)), np.empty((2, 20, 3, 3))
+    kernels.turned(q, (part * then).as_quat(scalar_first=True), stood, T0, R0)
+    for found, wanted in ((stood, theta), (T0, T), (R0, R)):
+        np.testing.assert_allclose(found, wanted, atol=1e-13)
 
 
 # a rod and what it touches
