@@ -18,14 +18,14 @@ from time import thread_time
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from scipy.sparse import coo_matrix, csc_matrix
+from scipy.sparse import csc_matrix
 
 from .constraint import Constraints
 from .errors import SceneError, nearest
 from .mechanism import Part
 from .plane import AXES, ScenePlane, choose_plane
 from .rod import Elements, Rod
-from .space import Blocks, Space, State
+from .space import Blocks, Entries, Space, State
 from .support import Clamp, Pin, Support, Weld
 from .terms import Term
 from .terms.external import Factored
@@ -43,7 +43,7 @@ STRING_SHIFT = 1e-8  # EI / EA L^2 that stands for that of a string in the shift
 class Sum:
     """Residual g (N, 6) of all terms, and the largest section force [N] and moment [N m] in the rods.
 
-    negative: pivots of the condensed tangent; symmetric: whether the tangent is; matrix: the whole tangent (6 N, 6 N) where
+    negative: pivots of the condensed tangent; symmetric: whether the tangent is; whole: the whole tangent (6 N, 6 N) where
     contact couples rods, else nothing was said of it here; stiffest [N/m]: of contact at one place.
     """
 
@@ -52,7 +52,7 @@ class Sum:
     moment: float
     negative: int = -1
     symmetric: bool = True
-    matrix: csc_matrix | None = None
+    whole: Entries | None = None
     stiffest: float = 0.0
 
 
@@ -460,51 +460,43 @@ class Model:
         if outside.coupled:
             force, moment, matrices = self.internal.full(state, self.space, g, tables)  # type: ignore[attr-defined]
             self.spend(self.internal.name, since)
-            matrix = self._summed(matrices, outside, nodal, mu)
+            whole = self._summed(matrices, outside, nodal, mu)
             largest = (max(force, largest[0]), max(moment, largest[1]))
-            return Sum(g, *largest, 0, symmetric, matrix, outside.stiffest)
+            return Sum(g, *largest, 0, symmetric, whole, outside.stiffest)
         additions = Additions(nodal, outside.elements, self.shift, mu, symmetric, tables)
         force, moment, negative = self.internal.condensed(state, self.space, g, scratch, additions)
         self.spend(self.internal.name, since)
         largest = (max(force, largest[0]), max(moment, largest[1]))
         return Sum(g, *largest, negative, symmetric, None, outside.stiffest)
 
-    def _summed(self, matrices: list[np.ndarray], outside: External, nodal: np.ndarray, mu: float) -> csc_matrix:
+    def _summed(self, matrices: list[np.ndarray], outside: External, nodal: np.ndarray, mu: float) -> Entries:
         """The whole tangent from matrices of elements, of nodes and between rods, with mu * shift on the diagonal."""
-        sets = [(group.conn, K) for group, K in zip(self.space.groups, matrices, strict=True)]
         for k, (touched, blocks) in outside.elements.items():
-            sets.append((self.space.groups[k].conn[np.argsort(touched)[-len(blocks) :]], blocks))
-        if len(nodal):
-            sets.append((np.arange(self.space.n_nodes)[:, None], nodal))
-        sets += [(blocks.nodes, blocks.stiffness) for blocks in outside.coupled]  # type: ignore[misc]
+            matrices[k][touched >= 0] += blocks[touched[touched >= 0]]
         if mu > 0.0:
-            sets.append((np.arange(self.space.n_nodes)[:, None], mu * self.shift[:, :, None] * np.eye(6)))
-        n = 6 * self.space.n_nodes
-        rows, columns, values = [], [], []
-        for nodes, K in sets:
-            dofs = (6 * nodes[:, :, None] + np.arange(6)).reshape(len(nodes), -1)
-            rows.append(np.broadcast_to(dofs[:, :, None], K.shape).ravel())
-            columns.append(np.broadcast_to(dofs[:, None, :], K.shape).ravel())
-            values.append(K.ravel())
-        entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-        return coo_matrix(entries, shape=(n, n)).tocsc()
+            shifts = mu * self.shift[:, :, None] * np.eye(6)
+            nodal = nodal + shifts if len(nodal) else shifts
+        places = self._places if len(nodal) else self._places[:-1]
+        values = [*matrices, nodal] if len(nodal) else matrices
+        parts = [Entries(*place, K.ravel()) for place, K in zip(places, values, strict=True)]
+        parts += [Entries.at(blocks.nodes, blocks.stiffness) for blocks in outside.coupled]  # type: ignore[arg-type]
+        return Entries.sum(parts)
+
+    @cached_property
+    def _places(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Rows and columns of the matrices of elements, for each group, and of those of nodes."""
+        places = []
+        for conn in [*(group.conn for group in self.space.groups), np.arange(self.space.n_nodes)[:, None]]:
+            width = 6 * conn.shape[1]
+            places.append(Entries.at(conn, np.empty((len(conn), width, width)))[:2])
+        return places
 
     def matrix(self, state: State) -> csc_matrix:
         """Full tangent (6 N, 6 N) before supports: the plain sum of all blocks."""
-        n = 6 * self.space.n_nodes
-        rows, columns, values = [], [], []
         blocks: list[Blocks] = list(self.internal(state, self.space))
         blocks += [term(state, self.space) for term in self.terms]
-        for block in blocks:
-            if block.stiffness is None:
-                continue
-            dofs = (6 * block.nodes[:, :, None] + np.arange(6)).reshape(len(block.nodes), -1)
-            shape = block.stiffness.shape
-            rows.append(np.broadcast_to(dofs[:, :, None], shape).ravel())
-            columns.append(np.broadcast_to(dofs[:, None, :], shape).ravel())
-            values.append(block.stiffness.ravel())
-        entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-        return coo_matrix(entries, shape=(n, n)).tocsc()
+        parts = [Entries.at(block.nodes, block.stiffness) for block in blocks if block.stiffness is not None]
+        return Entries.sum(parts).matrix(6 * self.space.n_nodes)
 
     @cached_property
     def shift(self) -> np.ndarray:

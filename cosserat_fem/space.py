@@ -14,9 +14,10 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.sparse import csc_matrix
 from skfem import Basis, MeshLine
 from skfem.element import ElementH1
 from skfem.refdom import RefLine
@@ -222,6 +223,29 @@ class Blocks:
         mine = factor[self.nodes]
         stiffness = None if self.stiffness is None else mine.reshape(len(mine), -1, 1) * self.stiffness
         return replace(self, force=mine * self.force, stiffness=stiffness)
+
+
+class Entries(NamedTuple):
+    """A matrix (6 N, 6 N) as a sum of entries at rows (K,) and columns (K,), of which several may be at one place."""
+
+    rows: np.ndarray
+    columns: np.ndarray
+    values: np.ndarray
+
+    @classmethod
+    def at(cls, nodes: np.ndarray, blocks: np.ndarray) -> Entries:
+        """Entries of blocks (B, 6 m, 6 m) on sets of m nodes, (B, m)."""
+        dofs = (6 * nodes[:, :, None] + np.arange(6)).reshape(len(nodes), -1).astype(np.int32)
+        rows, columns = np.broadcast_to(dofs[:, :, None], blocks.shape), np.broadcast_to(dofs[:, None, :], blocks.shape)
+        return cls(rows.ravel(), columns.ravel(), blocks.ravel())
+
+    @classmethod
+    def sum(cls, parts: Sequence[Entries]) -> Entries:
+        return cls(*(np.concatenate([part[k] for part in parts]) for k in range(3)))
+
+    def matrix(self, n: int) -> csc_matrix:
+        """As a sparse matrix (n, n)."""
+        return csc_matrix((self.values, (self.rows, self.columns)), shape=(n, n))
 
 
 class Space:

@@ -148,7 +148,7 @@ class Drift:
         constraints = self.model.constraints
         held = constraints.evaluate(state, constraints.targets(state.t))
         total = self.model.condensed(state, self.linear.scratch, shift, np.zeros_like(self.e) + load, step=moving)
-        solution = self.linear.solve(state, total.g, held, total.negative, total.symmetric, total.matrix)
+        solution = self.linear.solve(state, total.g, held, total.negative, total.symmetric, total.whole)
         return solution.du.copy() if solution.singular < 0 else np.full_like(self.e, np.nan)
 
     def _tables(self, state: State, rates: Rates) -> list[tuple[Any, ...]] | None:

@@ -37,7 +37,7 @@ def out_of_plane(model: Model, state: State) -> int | None:
     total = model.condensed(space, linear.scratch, SMALLEST_SHIFT, None)
     targets = constraints.targets(state.t)
     held = constraints.evaluate(space, targets, constraints.reactions(space, total.g)[:, 3:])
-    solution = linear.solve(space, total.g, held, total.negative, total.symmetric, total.matrix)
+    solution = linear.solve(space, total.g, held, total.negative, total.symmetric, total.whole)
     if solution.singular >= 0 or solution.negative < 0 or inside.negative < 0:
         return None
     return solution.negative - inside.negative

@@ -257,7 +257,7 @@ class Path:
         linear = self.newton.linear
         self.newton.counters.iterations += 1
         g = total.g.copy()
-        solution = linear.solve(state, g, held, total.negative, total.symmetric, total.matrix)
+        solution = linear.solve(state, g, held, total.negative, total.symmetric, total.whole)
         counted = self.newton.counters.linear
         counted[solution.method] = counted.get(solution.method, 0) + 1
         a = solution.du.copy()
@@ -271,7 +271,7 @@ class Path:
         rate = self.parameter.residual_rate(state, value)
         rates = replace(held, gap=self.parameter.gap_rate(state, value, held))
         total = model.condensed(state, self.newton.linear.scratch, self.shift, rate - g)
-        solution = self.newton.linear.solve(state, total.g, rates, total.negative, total.symmetric, total.matrix)
+        solution = self.newton.linear.solve(state, total.g, rates, total.negative, total.symmetric, total.whole)
         negative = solution.negative if solution.singular < 0 else -1
         return solution.du.copy(), negative
 
@@ -389,7 +389,7 @@ class Path:
         for _ in range(INVERSE_ITERATIONS):
             v /= np.sqrt((self.weights * v * v).sum())
             total = model.condensed(state, self.newton.linear.scratch, self.shift, -self.weights * v - g)
-            w = self.newton.linear.solve(state, total.g, held, total.negative, total.symmetric, total.matrix).du
+            w = self.newton.linear.solve(state, total.g, held, total.negative, total.symmetric, total.whole).du
             size = (self.weights * w * w).sum()
             if not 0.0 < size < np.inf:
                 return 0.0, v

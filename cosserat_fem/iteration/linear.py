@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -25,7 +26,7 @@ from ..constraint import Constraints, Held
 from ..kernels import chain, condense
 from ..kernels.beam import LANES
 from ..kernels.nodes import largest_increment
-from ..space import Space, State
+from ..space import Entries, Space, State
 from ..terms.internal import Condensed
 
 AMG_JOINTS = 5000
@@ -79,15 +80,15 @@ class LinearSolver:
         self._joint_index = np.concatenate([np.full(len(n), j) for j, n in enumerate(self.constraints.joints)])
 
     def solve(
-        self, state: State, g: np.ndarray, held: Held, negative: int, symmetric: bool, matrix: csc_matrix | None = None
+        self, state: State, g: np.ndarray, held: Held, negative: int, symmetric: bool, whole: Entries | None = None
     ) -> Solution:
         """Solve K du = -g with the condensed matrices that stand in `scratch`; `negative`: pivots counted so far.
 
-        The scratch is used up. du of held unknowns is their gap. matrix (6 N, 6 N): if given, it is solved instead.
+        The scratch is used up. du of held unknowns is their gap. whole: tangent (6 N, 6 N), if given it is solved instead.
         """
         c = self.constraints
-        if matrix is not None:
-            return self._solve_whole(matrix, g, held, symmetric)
+        if whole is not None:
+            return self._solve_whole(whole, g, held, symmetric)
         vertex_rhs = -g
         if c.transforms:
             chain.transform_vertices(chain.SPACE, self.S, self.rhs, vertex_rhs, c.nodes, c.left, c.right, held.T)
@@ -117,16 +118,25 @@ class LinearSolver:
                 condense.back_substitute(group.packed_conn, group.n_elements, scratch.factor, du)
         return Solution(du, negative if symmetric else -1, largest_increment(du)[2], method)
 
-    def _solve_whole(self, matrix: csc_matrix, g: np.ndarray, held: Held, symmetric: bool) -> Solution:
+    def _solve_whole(self, whole: Entries, g: np.ndarray, held: Held, symmetric: bool) -> Solution:
         """Solve with the whole tangent: rods that touch are no chains."""
-        K, B, free = self.reduced(matrix, held)
-        b = -g.ravel() if B is None else -(B.T @ g.ravel())
-        c, y = self.constraints, np.zeros((self.space.n_nodes, 6))
+        c, n, b = self.constraints, 6 * self.space.n_nodes, -g.ravel()
+        B: csc_matrix | None = None
+        if c.transforms:
+            reduced, B, _ = self.reduced(whole.matrix(n), held)
+            entries, b = reduced.tocoo(), b if B is None else B.T @ b
+            whole = Entries(entries.row, entries.col, entries.data)
+        y = np.zeros((self.space.n_nodes, 6))
         y[c.support_node] = held.gap[: c.n_supports]
-        flat = y.ravel()
-        columns = K[:, free]
-        b = b - K @ flat
-        flat[free], negative = solve_sparse(columns.tocsr()[free].tocsc(), b[free], symmetric)
+        flat, (rows, columns, values) = y.ravel(), whole
+        if flat.any():
+            b = b - np.bincount(rows, values * flat[columns], n)
+        number = np.full(n, -1, dtype=np.int32)  # of the free unknowns
+        number[self.free] = np.arange(len(self.free))
+        row, column = number[rows], number[columns]
+        kept = (row >= 0) & (column >= 0)
+        K = Entries(row[kept], column[kept], values[kept]).matrix(len(self.free))
+        flat[self.free], negative = solve_sparse(K, b[self.free], symmetric)
         self.du[...] = (flat if B is None else B @ flat).reshape(-1, 6)
         return Solution(self.du, negative, largest_increment(self.du)[2], "splu")
 
@@ -139,10 +149,15 @@ class LinearSolver:
         for at, couple in zip(held.at, held.couples, strict=True):
             dofs = 6 * c.nodes[at] + np.arange(6)
             K = csc_matrix(K + coo_matrix((couple.ravel(), (np.repeat(dofs, 6), np.tile(dofs, 6))), shape=K.shape))
-        fixed = np.zeros((self.space.n_nodes, 6), dtype=bool)
+        return K, B, self.free
+
+    @cached_property
+    def free(self) -> np.ndarray:
+        """Which unknowns of supports and leaders are free."""
+        c, fixed = self.constraints, np.zeros((self.space.n_nodes, 6), dtype=bool)
         fixed[c.nodes[c.n_supports :]] = True  # welded ones follow their leader
         fixed[c.support_node] = c.held[: c.n_supports]
-        return K, B, np.flatnonzero(~fixed)
+        return np.flatnonzero(~fixed)
 
     def _increments(self, held: Held) -> csc_matrix:
         """Node increments (6 N) from the unknowns y of special vertices and their leaders."""
@@ -211,7 +226,8 @@ def solve_sparse(K: csc_matrix, b: np.ndarray, symmetric: bool) -> tuple[np.ndar
     Unknowns are scaled by the diagonal first: forces and moments differ by orders of magnitude.
     """
     scale = 1.0 / np.sqrt(np.maximum(np.abs(K.diagonal()), 1e-300))
-    scaled = K.multiply(scale[:, None]).multiply(scale[None, :]).tocsc()
+    values = K.data * scale[K.indices] * np.repeat(scale, np.diff(K.indptr))
+    scaled = csc_matrix((values, K.indices, K.indptr), shape=K.shape)
     options = {"SymmetricMode": True} if symmetric else {}
     try:
         lu = splu(

@@ -231,7 +231,7 @@ class Newton:
             near = small and mu <= SMALLEST_SHIFT  # stability counts only without the shift
             symmetric = total.symmetric
             since = thread_time()
-            solution = self.linear.solve(state, total.g, held, total.negative, symmetric, total.matrix)
+            solution = self.linear.solve(state, total.g, held, total.negative, symmetric, total.whole)
             model.spend(LINEAR, since)
             self.counters.iterations += 1
             self.counters.linear[solution.method] = self.counters.linear.get(solution.method, 0) + 1
@@ -308,7 +308,7 @@ class Newton:
         mu = 0.0 if step is not None else SMALLEST_SHIFT
         residual = model.residual(state, step=step).g
         total = model.condensed(state, self.linear.scratch, mu, -residual - load, step=step)
-        return self.linear.solve(state, total.g, held, total.negative, total.symmetric, total.matrix).du.copy()
+        return self.linear.solve(state, total.g, held, total.negative, total.symmetric, total.whole).du.copy()
 
     def _count_again(
         self, state: State, targets: Targets, total: Sum, reactions: np.ndarray, residual: float, where: int, k: int
@@ -321,7 +321,7 @@ class Newton:
         state = replace(state, stress=self.model.internal.with_stress(state, self.model.space))
         again = self.model.condensed(state, self.linear.scratch, SMALLEST_SHIFT, None)
         held = self.model.constraints.evaluate(state, targets, reactions[:, 3:])
-        solution = self.linear.solve(state, again.g, held, again.negative, again.symmetric, again.matrix)
+        solution = self.linear.solve(state, again.g, held, again.negative, again.symmetric, again.whole)
         return state, total, reactions, residual, where, solution.negative if solution.singular < 0 else -1, k
 
     def measure(self, state: State, total: Sum, held: Held, step: Step | None, tolerance: float) -> tuple[float, int]:
