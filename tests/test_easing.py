@@ -34,7 +34,7 @@ def crossed(**contact):
 def first(model):
     """A solver, and the accepted state at t = 0."""
     newton = Newton(model)
-    solved = newton.accepted(newton.plain(newton.approach.begin(model.initial_state())))
+    solved = newton.accepted(newton.settled(newton.approach.begin(model.initial_state())))
     assert solved.converged
     return newton, solved.state
 
