@@ -107,7 +107,7 @@ if TYPE_CHECKING:
     from .mechanism import GROUND, Hinge, Part, Path, Slider
     from .model import Model
     from .motion.dynamics import RigidVelocity, solve_dynamic
-    from .motion.integrator import AdaptiveStep, FixedStep
+    from .motion.steps import AdaptiveStep, FixedStep
     from .record import CriticalPoint
     from .rod import Elements, Rod
     from .run import run_scene

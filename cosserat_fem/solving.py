@@ -18,7 +18,8 @@ from .history import History
 from .limits.verdicts import watches
 from .model import Model
 from .motion.dynamics import RigidVelocity, solve_dynamic
-from .motion.integrator import AdaptiveStep, Checkpoint, FixedStep, Run
+from .motion.integrator import Checkpoint, Run
+from .motion.steps import AdaptiveStep, FixedStep
 from .record import Record
 from .scene import Scene
 from .scene.tables import SolveTable

@@ -12,7 +12,7 @@ from cosserat_fem.bench.models import SOLVERS, Case
 from cosserat_fem.bench.problems import PROBLEMS
 from cosserat_fem.bench.scaling import exponent, one, run_scaling
 from cosserat_fem.cli import main
-from cosserat_fem.motion.integrator import FixedStep
+from cosserat_fem.motion.steps import FixedStep
 
 # one cheap case of each problem, and the error that it must not exceed
 CASES = [

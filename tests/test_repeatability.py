@@ -15,7 +15,7 @@ PROGRAM = """
 import hashlib, sys
 import numpy as np
 from cosserat_fem.bench.models import SOLVERS, Case
-from cosserat_fem.motion.integrator import AdaptiveStep, FixedStep
+from cosserat_fem.motion.steps import AdaptiveStep, FixedStep
 for text in sys.argv[1:]:
     name, n, order, step = text.split(",")
     solver, case = SOLVERS[name], Case(int(n), int(order), eval(step))

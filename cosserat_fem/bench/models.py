@@ -18,7 +18,7 @@ from ..history import History
 from ..mechanism import Hinge, Part, Slider
 from ..model import Model
 from ..motion.dynamics import solve_dynamic
-from ..motion.integrator import FixedStep
+from ..motion.steps import FixedStep
 from ..rod import Rod
 from ..scene import load_scene
 from ..section import Section

@@ -21,8 +21,9 @@ from ..kernels.rotation import matrix_from_quaternion, multiply, quaternion_from
 from ..model import Model
 from ..space import State
 from ..terms.inertial import Rates
-from .integrator import AdaptiveStep, Checkpoint, FixedStep, Run
+from .integrator import Checkpoint, Run
 from .stepping import motion_to_accuracy
+from .steps import AdaptiveStep, FixedStep
 
 KEPT = 101  # states of a run with an accuracy, if nothing is said
 

@@ -23,82 +23,37 @@ nothing to damp them, `FixedStep` is the choice.
 
 from __future__ import annotations
 
-from bisect import bisect_left, insort
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from ..errors import ConvergenceError, SceneError, check_positive
+from ..errors import ConvergenceError, SceneError
 from ..history import History
 from ..iteration.compiled import Moving
 from ..iteration.newton import Newton, Solved
 from ..kernels.inertia import largest_change
-from ..kernels.rotation import quaternion_from_matrix, relative_rotation
 from ..model import Model
 from ..record import Record
 from ..space import State
 from ..terms.dissipative import damped_tables, tables_at_rate
 from ..terms.inertial import InertiaStep, Rates, constants
+from ..terms.touch import Pressed
 from .impact import Impact
+from .ledger import Ledger
 from .rates import NOBODY, Balance
+from .steps import AdaptiveStep, FixedStep
+from .stops import Stops, steps_to
 
 TOLERANCE = 1e-9  # relative residual of a time step
-SMALLEST = 1e-10  # of the duration: a step shorter than this ends the run
 GROWTH = 4.0  # a step longer than this many of the last one starts with b = a
 PLAIN_ESTIMATE = 0.3  # in parts of the allowed error: below it the estimate is good enough as it is
 LARGEST_TURN = 2.0  # rad in a step; the rotation vector of a step is unique below pi
 LONGER, SAFETY = 1.5, 0.8  # growth of a step; aim at this part of the step that would just be allowed
-RUBBED = 0.1  # part of the work of friction in a step that may be missing
-GAINED, LOST = 1e-6, 2e-3  # parts of the largest energy that contact may add in all, or take in a step, by itself
-LITTLE = 1e-3  # of that: added in one step, it is none
 TOGETHER = 20_000  # steps times nodes in one compiled call: a run can be interrupted between calls
-ALIKE = 1e-6  # part of a step: by so much steps may be longer than asked, where times lost digits on a long way
 SHORT = 1e-3  # part of a step over which a strain rate is measured
 BEFORE = 1e-13  # of the duration: how long before a jump of a load the step that ends there is evaluated
-
-
-@dataclass(frozen=True)
-class AdaptiveStep:
-    """Step length from an error estimate.
-
-    Parameters
-    ----------
-    rtol : [-]
-        Accuracy asked for: the error added over the whole run, in parts of the longest rod and in rad.
-    first, largest : [s], optional
-        First and largest step.
-    """
-
-    rtol: float = 1e-4
-    first: float | None = None
-    largest: float | None = None
-
-    def __post_init__(self) -> None:
-        check_positive("adaptive step: rtol", self.rtol)
-        for name in ("first", "largest"):
-            if getattr(self, name) is not None:
-                check_positive(f"adaptive step: {name}", getattr(self, name))
-
-
-@dataclass(frozen=True)
-class FixedStep:
-    """Steps of one length, shortened so that they end at output times and kinks, and turn no section by more than 2 rad.
-
-    Parameters
-    ----------
-    dt : [s]
-    richardson : bool
-        Run a second time with half the step and extrapolate: order 4 of smooth motions at output times, for three times
-        the cost. `History.extrapolated` then says how far the two runs were apart.
-    """
-
-    dt: float
-    richardson: bool = False
-
-    def __post_init__(self) -> None:
-        check_positive("fixed step: dt", self.dt)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,9 +122,10 @@ class Run:
         self.kept = 0
         self.strain: tuple[np.ndarray, ...] = ()
         self.strain_before: tuple[np.ndarray, ...] = ()
-        self.strain_step, self.added = 0.0, 0.0
-        self.balance = Balance(model)
+        self.strain_step = 0.0
+        self.balance, approach = Balance(model), self.newton.approach
         self.impact = Impact(model, self.balance) if model.contacts else None
+        self.ledger = None if approach is None or self.impact is None else Ledger(model, approach, self.impact)
         self._others = [term for term in model.terms if term not in model.contacts]
         names = dict(zip(model.terms, _names(model.terms), strict=True))
         self._names = [names[term] for term in self._others]
@@ -181,25 +137,16 @@ class Run:
             np.sum([d.coefficients(model.space, k) for d in self._dampers], axis=0)  # type: ignore[attr-defined]
             for k in range(len(model.space.groups))
         ]
-        kinks = [part.motion.kinks for part in model.parts if part.motion is not None]
-        self._motion_kinks = _inside(kinks, t, end)
-        loads = [term.kinks for term in model.terms if hasattr(term, "kinks")]
-        jumps = [term.jumps for term in model.terms if hasattr(term, "jumps")]
-        self._load_jumps = _inside(jumps, t, end)
-        wanted = [self._load_jumps, self._motion_kinks, _inside(loads, t, end), np.array([end])]
-        if times is not None:
-            wanted.append(times[times > t])
-        self._stops = _merged(wanted, SMALLEST * (end - t))
-        # what happens at each stop: the load jumps, rates are found anew, the state is kept
-        near = SMALLEST * (end - t)
-        jumping = _near(self._stops, self._load_jumps, near)
-        settling = jumping | _near(self._stops, self._motion_kinks, near)
-        keeping = np.ones(len(self._stops), dtype=bool) if times is None else _near(self._stops, times, near)
-        self._at_stop = list(zip(jumping.tolist(), settling.tolist(), keeping.tolist(), strict=True))
+        self._stops = Stops(model, t, end, times)
 
     @property
     def t(self) -> float:
         return self.state.t
+
+    @property
+    def pressed(self) -> tuple[Pressed, ...]:
+        """What contact does at the present state."""
+        return () if self.ledger is None else self.ledger.pressed
 
     # start
 
@@ -214,21 +161,15 @@ class Run:
             state = approach.begin(state)
         self.state = replace(state, stress=self.model.internal.with_stress(state, self.model.space))
         self.rates = Rates(velocity, np.zeros_like(velocity), np.zeros_like(velocity))
-        self._start_contact()
+        if self.ledger is not None:
+            self.ledger.open(self.state, velocity)
         self.h = self.wanted_h = self._first_step()
         self.work = dict.fromkeys((*self._names, *self._contact_names, "driven ends"), 0.0)
         if self._dampers:
             self.work["internal damping"] = 0.0
         self._settle(told=told)
-        if self.times is None or abs(self.times[0] - self.begin_time) <= SMALLEST * (self.end - self.begin_time):
+        if self.times is None or abs(self.times[0] - self.begin_time) <= self._stops.near:
             self._keep(0, 0.0)
-
-    def _start_contact(self) -> None:
-        """What contact does at the present state, and the energy that it may not add to."""
-        approach = self.newton.approach
-        self.pressed = () if approach is None else approach.accept(self.state)[1]
-        self.stored = self._stored(self.state)
-        self.largest_energy = 0.0 if approach is None else self._energy(self.state, self.rates.v) + sum(self.stored)
 
     def _first_step(self) -> float:
         if isinstance(self.step, FixedStep):
@@ -346,40 +287,37 @@ class Run:
     def _plan(self) -> list[tuple[float, float, bool]]:
         """Steps of the wanted length up to the next kink or jump: time at the end, length, whether the state is kept."""
         plan: list[tuple[float, float, bool]] = []
-        near, t = SMALLEST * (self.end - self.begin_time), self.state.t
-        k = int(np.searchsorted(self._stops, t + near))
-        most = max(1, TOGETHER // self.model.space.n_nodes)
-        while k < len(self._stops) and len(plan) < most:
-            stop, (jumps, settles, keeps) = float(self._stops[k]), self._at_stop[k]
-            left = stop - t
-            n = max(1, int(np.ceil(left / self.wanted_h - ALIKE)))
-            if n == 1 and (jumps or settles):
+        t, most = self.state.t, max(1, TOGETHER // self.model.space.n_nodes)
+        for stop in self._stops.after(t):
+            n = 2
+            while n > 1 and len(plan) < most:
+                left = stop.t - t
+                n = steps_to(left, self.wanted_h)
+                if n == 1 and (stop.jumps or stop.settles):
+                    return plan
+                t = stop.t if n == 1 else t + left / n
+                kept = stop.keeps if n == 1 else self._stops.every
+                plan.append((t, left / n, kept))
+                if kept and self.callback is not None:
+                    return plan
+            if len(plan) >= most:
                 break
-            t1 = stop if n == 1 else t + left / n
-            kept = keeps if n == 1 else self.times is None
-            plan.append((t1, left / n, kept))
-            if kept and self.callback is not None:
-                break
-            t, k = t1, k + (n == 1)
         return plan
 
     def _advance(self) -> None:
         """One accepted step."""
         fastest = float(np.abs(self.rates.v[:, 3:]).max())
         wanted = min(self.wanted_h, LARGEST_TURN / max(fastest, 1e-300))
-        near = SMALLEST * (self.end - self.begin_time)
-        approach = self.newton.approach
-        if approach is not None and not any(self.stored):
-            self.state = approach.harden(self.state, self._striking_energy())
+        approach, ledger = self.newton.approach, self.ledger
+        if approach is not None and ledger is not None and not any(ledger.stored):
+            self.state = approach.harden(self.state, ledger.striking(self.state, self.rates.v))
         late = 0.0
         while True:
-            k = int(np.searchsorted(self._stops, self.state.t + near))
-            stop = float(self._stops[k])
-            left = stop - self.state.t
-            n = max(1, int(np.ceil(left / wanted - ALIKE)))
+            stop = next(self._stops.after(self.state.t))
+            left = stop.t - self.state.t
+            n = steps_to(left, wanted)
             h = left / n
-            t1 = stop if n == 1 else self.state.t + h
-            jumps, settles, keeps = self._at_stop[k] if n == 1 else (False, False, self.times is None)
+            t1, jumps, settles, keeps = stop if n == 1 else (self.state.t + h, False, False, self._stops.every)
             at = min(t1 - BEFORE * (self.end - self.begin_time), np.nextafter(t1, -np.inf)) if jumps else t1
             solved, inertia = self._try(
                 h, at, late or (1.0 if self.impact is None else self.impact.late(self.grip, self.rates.v, h))
@@ -390,7 +328,7 @@ class Run:
             accepted = solved.converged and error <= 1.0
             if accepted:
                 made = self._make(solved, inertia, h, t1)
-                accepted = not self.model.contacts or not self._bounced(made)
+                accepted = ledger is None or not ledger.refuses(made.solved, made.rates, made.stored, made.added)
             self.steps.append((t1, h, error, accepted))
             if accepted:
                 break
@@ -402,12 +340,12 @@ class Run:
             )
             if not solved.converged and h < shortest:
                 raise self._failure(solved, h)
-            if not solved.converged and approach is not None and self.grip.steady:
+            if not solved.converged and approach is not None and ledger is not None and self.grip.steady:
                 # the force goes on from what it was: at the end of the step the rod lies a little deeper
-                self.state = approach.relax(self.state, self.pressed)
-                self.stored = self._stored(self.state)
+                self.state = approach.relax(self.state, ledger.pressed)
+                ledger.stored = ledger.stored_at(self.state)
             wanted = h * (0.25 if not solved.converged or error <= 1.0 else max(0.2, SAFETY * error**-0.5))
-            if wanted < SMALLEST * (self.end - self.begin_time):
+            if wanted < self._stops.near:
                 raise self._failure(solved, h)
         self._accept(made, h)
         if isinstance(self.step, AdaptiveStep):
@@ -482,7 +420,11 @@ class Run:
         loads = None if self._compiled is None else self._compiled.loads
         solved = self.newton.accepted(solved, in_time=True)
         work = dict.fromkeys(self.work, 0.0)
-        stored, added = self._add_contact_work(work, solved, inertia, t1)
+        stored: list[float] = []
+        added = 0.0
+        if self.ledger is not None:
+            done, stored, added = self.ledger.step(self.state, solved, inertia, self.grip, t1)
+            work.update(zip(self._contact_names, done, strict=True))
         state = replace(solved.state, velocity=inertia.v) if inertia.wanted else solved.state
         forces = self._forces(state, loads)
         for name, nodes, before, after in zip(self._names, self._nodes, self.forces, forces, strict=False):
@@ -505,80 +447,11 @@ class Run:
         if self._dampers:
             self.strain_before, self.strain, self.strain_step = self.strain, made.strain, h
         self.state, self.g, self.forces = made.solved.state, made.solved.total.g, made.forces
-        self.rates, self.stored, self.pressed = made.rates, made.stored, made.solved.pressed
-        self.added += self._surely_added(made)
-        self.h = h
+        self.rates, self.h = made.rates, h
+        if self.ledger is not None:
+            self.ledger.take(made.solved, made.stored, made.added)
         if self.impact is not None:
             self.rates, self.grip = self.impact.feel(self.state, self.rates, self.grip.lasts)
-
-    def _energy(self, state: State, v: np.ndarray) -> float:
-        """Kinetic and strain energy [J]."""
-        space, total = self.model.space, 0.0
-        for group, strain in zip(space.groups, self._strains(state), strict=True):
-            strain = strain - group.reference
-            total += 0.5 * float(
-                np.einsum("eqi,eqij,eqj,eq->", strain, group.stiffness, strain, group.dx, optimize=True)
-            )
-        return total + 0.5 * float(
-            (v[:, :3] ** 2).sum(1) @ space.node_mass + (v[:, 3:] ** 2 * space.node_inertia).sum()
-        )
-
-    def _striking_energy(self) -> float:
-        """Energy [J] with which rods might hit something, parts included."""
-        speed = np.linalg.norm(self.rates.v[:, :3], axis=1)
-        for part in {
-            term.part for term in self.model.contacts if hasattr(term, "part") and term.part.motion is not None
-        }:
-            rates, (_, c) = part.rates(self.state.t), part.pose(self.state.t)
-            speed = speed + np.linalg.norm(np.cross(rates.omega, self.state.r - c) + rates.c_rate, axis=1)
-        return 0.5 * float(speed**2 @ self.model.space.node_mass)
-
-    def _bounced(self, made: Made) -> bool:
-        """True if contact adds energy in a step, or takes more than it should: the barrier was not resolved in time."""
-        energy = self._energy(made.solved.state, made.rates.v) + sum(made.stored)
-        self.largest_energy = max(self.largest_energy, energy)
-        if not (any(self.stored) or any(made.stored)):
-            return False
-        least, most = -LOST * self.largest_energy - self._unsure(made), GAINED * self.largest_energy
-        added = self._surely_added(made)
-        return made.added < least or (added > LITTLE * most and self.added + added > most)
-
-    @staticmethod
-    def _unsure(made: Made) -> float:
-        """Energy [J] by which the work of contact in a step may be off: that of friction is known to first order."""
-        return RUBBED * sum(abs(told.rubbed) for told in made.solved.pressed)
-
-    def _surely_added(self, made: Made) -> float:
-        """What contact added in a step beyond that; what it took counts against it."""
-        return float(np.copysign(max(abs(made.added) - self._unsure(made), 0.0), made.added))
-
-    def _stored(self, state: State) -> list[float]:
-        """Energy [J] in each contact term."""
-        return [term.potential(state, self.model.space) for term in self.model.contacts]
-
-    def _add_contact_work(self, work: dict[str, float], solved: Solved, inertia: InertiaStep, t1: float) -> tuple:
-        """Work on the rods by contact in a step: what its potential and friction gave, less what moving parts took.
-
-        Returns energies stored at its end, and the energy that was added because the force is taken at the end.
-        """
-        stored = self._stored(solved.state)
-        if self.impact is None:
-            return stored, 0.0
-        late = self.impact.lasting if self.grip.steady else inertia.late
-        added = float(np.vdot(inertia.shared, inertia.D))
-        both = zip(
-            self._contact_names, self.model.contacts, self.stored, stored, self.pressed, solved.pressed, strict=True
-        )
-        for name, term, was, now, last, told in both:
-            done = was - now + told.rubbed
-            if hasattr(term, "part") and term.part.motion is not None:
-                (R, c), (R1, c1) = term.part.pose(self.state.t), term.part.pose(t1)
-                spin = R @ relative_rotation(quaternion_from_matrix(R)[None], quaternion_from_matrix(R1)[None])[0]
-                moved = np.concatenate([c1 - R1 @ R.T @ c, spin])  # of the part's point at the origin of space
-                done -= float((late * told.load + (1.0 - late) * last.load) @ moved)
-            work[name] += done
-            added -= done
-        return stored, added
 
     def _forces(self, state: State, loads: np.ndarray | None = None) -> list[np.ndarray]:
         """What each term adds to the residual at its nodes (n, 6); loads (L, 6): the same, known already."""
@@ -631,7 +504,8 @@ class Run:
         return Checkpoint(
             self.state, self.rates, self.h, self.wanted_h, dict(self.work),
             self.forces, self.g,
-            self.strain, self.strain_before, self.strain_step, self.kept, self.largest_energy, self.added,
+            self.strain, self.strain_before, self.strain_step, self.kept,
+            *((0.0, 0.0) if self.ledger is None else (self.ledger.largest, self.ledger.added)),
             None if self.impact is None else self.grip.lasts, list(self.steps),
         )  # fmt: skip
 
@@ -642,35 +516,16 @@ class Run:
         self.g, self.kept = saved.residual, saved.kept
         self.strain, self.strain_before, self.strain_step = saved.strain, saved.strain_before, saved.strain_step
         self._tabulate_forces()
-        self._start_contact()
-        self.largest_energy, self.added = saved.largest_energy, saved.added
+        if self.ledger is not None:
+            self.ledger.open(self.state, self.rates.v)
+            self.ledger.largest, self.ledger.added = saved.largest_energy, saved.added
         if self.impact is not None and saved.lasts is not None:
             _, self.grip = self.impact.feel(self.state, self.rates, saved.lasts)
             self.grip = replace(self.grip, lasts=saved.lasts)
         self.steps[:] = saved.log
 
 
-def _merged(lists: Sequence[np.ndarray], slack: float) -> np.ndarray:
-    """Times of all lists in order; of those closer than `slack` only the one of the earliest list."""
-    kept: list[float] = []
-    for t in np.concatenate(lists).tolist():
-        k = bisect_left(kept, t - slack)
-        if k == len(kept) or kept[k] > t + slack:
-            insort(kept, t)
-    return np.array(kept)
-
-
-def _near(stops: np.ndarray, times: np.ndarray, slack: float) -> np.ndarray:
-    """Which stops are one of these times."""
-    return (np.abs(stops[:, None] - times[None]) <= slack).any(axis=1)
-
-
 def _names(terms: Sequence[Any]) -> list[str]:
     """Names of terms, told apart."""
     names = [term.name for term in terms]
     return [n if names.count(n) == 1 else f"{n} {names[: k + 1].count(n)}" for k, n in enumerate(names)]
-
-
-def _inside(lists: Sequence[np.ndarray], start: float, end: float) -> np.ndarray:
-    every = np.unique(np.concatenate([*lists, np.empty(0)]))
-    return every[(every > start) & (every <= end)]

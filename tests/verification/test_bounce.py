@@ -72,7 +72,7 @@ def test_contact_that_lasts_is_booked_to_second_order():
         model, parts = cf.Model([rod], [cf.Clamp(rod, "start")], terms), []
 
         def look(run):
-            parts.append(run.added / run.largest_energy)
+            parts.append(run.ledger.added / run.ledger.largest)
             return False
 
         cf.solve_dynamic(model, 0.3, step=cf.FixedStep(step), rho_inf=0.8, callback=look)
