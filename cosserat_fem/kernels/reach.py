@@ -158,6 +158,15 @@ def sag(C, a, b):
     return 0.125 * sqrt(most) * (b - a) * (b - a)
 
 
+@fused
+def way_to(C, a, b, y, slope):
+    """Longest way that the rod may make from a to b, as it may be bent; y and slope are then those at b."""
+    place_at(C, a, y, slope)
+    y0, y1, y2 = y[0], y[1], y[2]
+    place_at(C, b, y, slope)
+    return BENT * sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
+
+
 @lean
 def size_of(v):
     return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
@@ -290,11 +299,8 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
         begin, end = number / counts[e], (number + 1) / counts[e]
         faceted = mesh is not None and kind == MESH
         if faceted:
-            place_at(C, begin, y, slope)
-            y0, y1, y2 = y[0], y[1], y[2]
             middle = 0.5 * (begin + end)
-            place_at(C, middle, y, slope)
-            half = BENT * sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
+            half = way_to(C, begin, middle, y, slope)
             triangles(facets, index, 0, 0, y, out)  # the last nearest one alone, or none
             n_cell = shorten(balls, index, first, last, y, out[0] + 2.0 * half, of_cell)
             look(C, middle, (kind, size, of_cell, 0, n_cell), facets, rods, at)
@@ -310,12 +316,8 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
             off, now = (strand_sag(slope, out), int(out[17])) if rods is not None else (0.0, 0)
             look(C, end, on, facets, rods, at)
             g1, f1 = out[0], out[13]
-            if rods is not None or kind == TORUS:
-                y0, y1, y2 = y[0], y[1], y[2]
-                place_at(C, begin, y, slope)
-                chord = sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
-                if gb + g1 - BENT * chord < 2.0 * level:
-                    pieces = ON_STRAND
+            if (rods is not None or kind == TORUS) and gb + g1 - way_to(C, begin, end, y, slope) < 2.0 * level:
+                pieces = ON_STRAND
         cell_before, b, goal, piece = cell, begin, begin, 0
         bend, shallow = -1.0, SHALLOW * (level - cores[o])
         while b < end:
@@ -324,10 +326,7 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
                 piece += 1
                 goal = begin + (end - begin) * piece / pieces if piece < pieces else end
                 if faceted:
-                    place_at(C, a, y, slope)
-                    y0, y1, y2 = y[0], y[1], y[2]
-                    place_at(C, 0.5 * (a + goal), y, slope)
-                    half = BENT * sqrt((y[0] - y0) ** 2 + (y[1] - y1) ** 2 + (y[2] - y2) ** 2)
+                    half = way_to(C, a, 0.5 * (a + goal), y, slope)
                     triangles(facets, index, 0, 0, y, out)  # the last nearest one alone: no nearer than the nearest
                     last, few = along_piece(facets, of_cell, n_cell, y, out[0] + 2.0 * half, of_piece), of_piece
                 on = (kind, size, few, first, last)
@@ -361,27 +360,31 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
                         C, xi, xi + tip / h[e], h[e], X_1, W_1, Q[o], on, facets, rods, at, count, m, rows, owners
                     )  # fmt: skip
             bottom, g = a if ga < gb else b, min(ga, gb)
-            inner_minimum = fa < 0.0 < fb
-            if inner_minimum:
+            if fa < 0.0 < fb:
                 bottom = lowest(C, a, b, fa, fb, FLAT * (level - cores[o]), on, facets, rods, at)
                 g = min(g, out[0])
             if g - cores[o] < nearest:
                 nearest, where, place = g - cores[o], m, bottom
-            if g >= level or (ga >= level and gb >= level and not inner_minimum):
-                continue
-            low, high = a, b
-            if ga >= level:
-                low = root(C, bottom, a, level, on, facets, rods, at)
-            if gb >= level:
-                high = root(C, bottom, b, level, on, facets, rods, at)
-            if ga < level and gb < level:
-                # wherever its smallest gap is: nothing jumps when that goes over into the next piece
+            if g < level:
                 X, W = (X_2, W_2) if faceted and pieces > 1 else (X_4, W_4)
-                count = add_stretch(C, a, b, h[e], X, W, Q[o], on, facets, rods, at, count, m, rows, owners)
-                continue
-            for k in range(2):
-                far = low if k == 0 else high
-                count = add_stretch(
-                    C, bottom, far, h[e], X_END, W_END, Q[o], on, facets, rods, at, count, m, rows, owners
+                count = add_piece(
+                    C, a, b, ga < level, gb < level, bottom, level, h[e], X, W, Q[o], on, facets, rods, at, count, m,
+                    rows, owners,
                 )  # fmt: skip
     return count, nearest, where, place
+
+
+@fused
+def add_piece(C, a, b, in_a, in_b, bottom, level, h, X, W, Q, on, facets, rods, at, count, m, rows, owners):
+    """Gauss points of a piece with its smallest distance, which is below `level`, at `bottom`; in_a, in_b: so are its ends.
+
+    A whole piece has the rule X, W wherever its smallest distance is: nothing jumps when that goes over into the next one.
+    """
+    if in_a and in_b:
+        return add_stretch(C, a, b, h, X, W, Q, on, facets, rods, at, count, m, rows, owners)
+    for k in range(2):
+        far, inside = (a, in_a) if k == 0 else (b, in_b)
+        if not inside:
+            far = root(C, bottom, far, level, on, facets, rods, at)
+        count = add_stretch(C, bottom, far, h, X_END, W_END, Q, on, facets, rods, at, count, m, rows, owners)
+    return count
