@@ -194,13 +194,22 @@ def test_twist_to_plectoneme():
 
 @pytest.mark.slow
 def test_rope_on_floor(tmp_path):
-    """It comes to rest: the floor carries its weight, and nothing else."""
+    """It comes to rest on the floor and on itself: the floor carries its weight, and nothing else."""
     run_scene("rope_on_floor.toml", tmp_path)
-    with open(tmp_path / "out" / "contact_loads.csv", newline="") as file:
+    out = tmp_path / "out"
+    with open(out / "contacts.csv", newline="") as file:
+        crossing = [row for row in csv.DictReader(file) if row["rod"] == row["other"] == "rope"]
+    assert float(crossing[0]["time_in"]) < 0.12
+    assert float(crossing[-1]["time_out"]) == 0.5
+    assert float(crossing[-1]["gap"]) > -1e-3 * 0.004  # of the radius
+    with open(out / "contact_loads.csv", newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["part"] == "floor"]
     load = [float(rows[-1][c]) for c in ("Fx", "Fy", "Fz")]
-    rope = cf.load_scene(EXAMPLES / "rope_on_floor.toml").model
-    np.testing.assert_allclose(load, [0, 0, -9.81 * rope.space.node_mass.sum()], atol=0.01)
+    mass = cf.load_scene(EXAMPLES / "rope_on_floor.toml").model.space.node_mass.sum()
+    np.testing.assert_allclose(load, [0, 0, -9.81 * mass], atol=0.01 * 9.81 * mass)
+    with open(out / "ledger.csv", newline="") as file:
+        kinetic = float(list(csv.DictReader(file))[-1]["kinetic"])
+    assert kinetic < 0.5 * mass * 0.002**2
 
 
 def test_readme():
