@@ -20,7 +20,7 @@ from ..space import Contact, State
 from ..terms.touch import Pressed
 
 SMALLEST = 1e-9  # part of an increment: less is no way forward
-NEARLY_SHUT, STIFFER = 0.05, 30.0  # part of its range to which a gap may shrink before its pressure scale grows so much
+NEARLY_SHUT, STIFFER = 0.05, 10.0  # part of its range to which a gap may shrink before its pressure scale grows so much
 SOFT, FIRM = 1e-5, 0.03  # where the largest pressure is below this part of the scale, the scale shrinks so much
 # in time, below this part of the scale it shrinks to so many times that pressure, but not faster than this in a step
 MILD, MILDER, SLOWLY = 1 / 60, 15.0, 0.1

@@ -8,7 +8,14 @@ when the last increment was so small that another could not: at rest the square 
 
 `plain` takes full steps. `guarded` adds mu * shift to the matrix until it has no negative eigenvalue, and shortens a
 step in which a node would turn by more than 0.8 rad: it goes downhill in energy and ends in a stable state, so it must
-not be used where the wanted state is unstable. The residual is untouched by mu, and so is the solution.
+not be used where the wanted state is unstable. The residual is untouched by mu, and so is the solution. Far away it leaves
+out what contact takes from the stiffness by its curvature; close by it does not, or the last digits would creep.
+
+With contact, of an increment only what gaps allow is taken, and far from equilibrium the residual of the mixed method rises
+meanwhile: it has strains that the memory has not. What falls is the increment, by the part that was taken, as along the
+curve dx/ds = -K^-1 g that a Newton method follows (Deuflhard 2011, Newton Methods for Nonlinear Problems, 3.1). So either
+is progress, a residual of half or a smaller increment; without any for long a plain solve is given up, and soon if
+increments grow instead.
 """
 
 from __future__ import annotations
@@ -46,6 +53,9 @@ PATIENCE, SHORTER = 4, (1.0, 0.5, 0.25, 0.1, 0.03)  # iterations without progres
 ITERATIONS, TOUCHING, HITTING, GUARDED = 20, 60, 20, 150
 HOPELESS = 20, 10  # iterations of a plain solve with contact, at rest and in time, that do not halve the residual
 SMALLEST_SHIFT = 1e-6
+# of the part of an increment that was taken, by which the next one must be smaller to be progress, at least as of a part of
+# 0.02; times the smallest increment of a solve with contact: more is no way back
+SHRINKS, LITTLE, GROWN = 0.5, 0.02, 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +194,7 @@ class Newton:
         moments = np.zeros((constraints.n_supports, 3)) if constraints.tilted else None
         negative, residual, before, where, k, cheap = -1, np.inf, np.inf, 0, 0, False
         symmetric = model.symmetric  # of the last tangent
-        best, stalled = np.inf, 0
+        best, least, taken, stalled = np.inf, np.inf, 1.0, 0
         small = tiny = near = False  # the last increment; the one before the last factorisation
         total = Sum(np.zeros((model.space.n_nodes, 6)), 0.0, 0.0)
 
@@ -210,7 +220,7 @@ class Newton:
                         change *= step.push
                     extra = offset if change is None else change if offset is None else offset + change
                 total = model.condensed(
-                    state, self.linear.scratch, mu, extra, step=step, exact=not guarded
+                    state, self.linear.scratch, mu, extra, step=step, exact=not guarded or (small and mu <= SMALLEST_SHIFT),
                 )  # fmt: skip
             if constraints.tilted:
                 moments = constraints.reactions(state, total.g)[:, 3:]
@@ -257,8 +267,14 @@ class Newton:
                     moved = model.space.update(state, du, scale)
                 else:
                     scale = min(scale, FARTHEST * model.scales["length"] / max(shift, 1e-300))
-                    stalled = stalled + 1 if residual > 0.5 * best else 0
+                    size = max(turn, shift / model.scales["length"])
+                    smaller = step is None and size <= (1.0 - SHRINKS * max(taken, LITTLE)) * least
+                    gained = smaller or residual <= 0.5 * best
+                    stalled = 0 if gained else stalled + 1
                     best = min(best, residual) if approach.arrived(state) else np.inf
+                    least = min(least, size) if approach.arrived(state) else np.inf
+                    if stalled > PATIENCE and size > GROWN * least and not guarded and step is None:
+                        return stop("the increments grow")
                     if stalled > hopeless and not guarded:
                         return stop(f"no progress in {hopeless} iterations")
                     if stalled > PATIENCE:  # friction that sticks and slips in turn
@@ -275,7 +291,7 @@ class Newton:
             if scale < 1.0:  # the memory is an unknown of the mixed method: it takes the same part of its step
                 stress = tuple((1 - scale) * a + scale * b for a, b in zip(state.stress, stress, strict=True))
             state = replace(moved, stress=stress)
-            k, before = k + 1, residual
+            k, before, taken = k + 1, residual, scale
             small = turn < 1e-3 and shift < 1e-3 * model.scales["length"]
             tiny = step is None and approach is None and turn < TINY and shift < TINY * model.scales["length"]
             cheap = scale == 1.0 and small and mu <= SMALLEST_SHIFT

@@ -63,19 +63,28 @@ def turn_by(theta, E, J):
 
 
 @kernel
-def press_pairs(
-    rows, nodes1, nodes2, slot, coefficients, r, laws, friction, kept, r0, theta, T, R, exact, force, stiffness, found
-):
-    """Residual force (S, 2 A, 6) and, if not empty, stiffness (S, 12 A, 12 A) of contact between rods.
+def shapes_at(coefficients, xi, out):
+    """Shape functions out[0] (K, A) and their derivatives out[1] (K, A) at xi (K,)."""
+    for k in range(xi.shape[0]):
+        shape(coefficients, xi[k], out[0, k], out[1, k])
 
-    rows: of `reach.find`; nodes1, nodes2 (K, A): of the elements of both places; slot (K,): which block; laws (K, 7): core
-    distance, range, scale, stiffness and depth of a layer, radius of both rods; friction (2,): mu, elastic slip.
+
+@kernel
+def press_pairs(
+    rows, nodes1, nodes2, second, slot, coefficients, laws, friction, kept, r0, theta, T, R, exact, force, stiffness, found
+):  # fmt: skip
+    """Residual force (S, A + B, 6) and, if not empty, stiffness (S, 6 (A + B), 6 (A + B)) of contact between rods.
+
+    rows: of `reach.find`; nodes1 (K, A): of the element of the first place; nodes2 (K, B), second (2, K, B): those that move
+    the second place, their shape functions there and the derivatives of these by its xi; slot (K,): which block; laws
+    (K, 7): core distance, range, scale, stiffness and depth of a layer, radius of both rods; friction (2,): mu, elastic
+    slip.
     kept (K, 3), r0 (N, 3): slip and places last accepted; theta, T, R: of `contact.turned`. exact: with
     the curvature of the distance. found (K, 8): pressure, friction per pressure, slip, potential. Returns the largest
     weight times stiffness.
     """
-    A = coefficients.shape[0]
-    N1, N2, D1, D2 = np.empty(A), np.empty(A), np.empty(A), np.empty(A)
+    A, B = nodes1.shape[1], nodes2.shape[1]
+    N1, D1 = np.empty(A), np.empty(A)
     n, t, x2, m, nm, z, u = (
         np.empty(3), np.empty(3), np.empty(3), np.zeros(3), np.zeros(3), np.empty(3), np.empty(3),
     )  # fmt: skip
@@ -101,7 +110,7 @@ def press_pairs(
             p, stiff, psi = p + p1, stiff + k1, psi + psi1
         stiffest = max(stiffest, weight * stiff)
         shape(coefficients, row[0], N1, D1)
-        shape(coefficients, row[7], N2, D2)
+        N2, D2 = second[0, k], second[1, k]
         for i in range(3):
             n[i], t[i], x2[i] = row[3 + i], row[8 + i], row[11 + i]
         free = row[14] > 0.0
@@ -113,12 +122,15 @@ def press_pairs(
             for i in range(3):
                 turn1[i] = turn2[i] = v[i] = slide1[i] = fade[i] = 0.0
                 for a in range(A):
-                    i1, i2 = nodes1[k, a], nodes2[k, a]
-                    turn1[i] += N1[a] * theta[i1, i]
-                    turn2[i] += N2[a] * theta[i2, i]
-                    v[i] += N1[a] * r0[i1, i] - N2[a] * r0[i2, i]
-                    slide1[i] += D2[a] * r0[i2, i]
-                    fade[i] += D2[a] * theta[i2, i]
+                    node = nodes1[k, a]
+                    turn1[i] += N1[a] * theta[node, i]
+                    v[i] += N1[a] * r0[node, i]
+                for a in range(B):
+                    node = nodes2[k, a]
+                    turn2[i] += N2[a] * theta[node, i]
+                    v[i] -= N2[a] * r0[node, i]
+                    slide1[i] += D2[a] * r0[node, i]
+                    fade[i] += D2[a] * theta[node, i]
                 v[i] -= kept[k, i]
                 mean[i] = 0.5 * (turn1[i] + turn2[i])
                 spin[i] = turn1[i] - turn2[i]
@@ -140,7 +152,7 @@ def press_pairs(
         found[k, 0], found[k, 7] = p, psi
         for i in range(3):
             found[k, 1 + i] = m[i]
-        for a in range(2 * A):
+        for a in range(A + B):
             b = a - A
             c = N1[a] if a < A else -N2[b]
             for i in range(3):
@@ -161,7 +173,7 @@ def press_pairs(
                     stiffness[s, o + 2, o + 1] += 0.5 * moment[0]
         if not tangent:
             continue
-        for e in range(2 * A):
+        for e in range(A + B):
             g = e - A
             ce = N1[e] if e < A else -N2[g]
             for j in range(columns):
@@ -212,7 +224,7 @@ def press_pairs(
                     for i in range(3):  # of d p n x m
                         one[i] = (closing * p + d * dp) * nm[i] + d * p * (one[i] + two[i])
                 at = 6 * e + j
-                for a in range(2 * A):
+                for a in range(A + B):
                     b = a - A
                     c = N1[a] if a < A else -N2[b]
                     dc = 0.0 if a < A else -D2[b] * slid

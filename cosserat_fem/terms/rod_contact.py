@@ -23,6 +23,7 @@ from ..kernels.strand import cell_ends, largest_step_between
 from ..rod import Rod
 from ..space import Blocks, Space, State, Touch
 from .external import check_rod
+from .joint import second_places
 from .part_contact import CLOSING, LEFT, MARGIN, NOBODY, NOTHING, SLIGHTEST, SPARE, STRETCHED, THICKER, fresh
 from .touch import (
     ELASTIC,
@@ -149,18 +150,20 @@ class RodContact:
     def _press(
         self, state: State, space: Space, found: Found, tangent: bool, exact: bool
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
-        """Nodes of touching pairs of elements (B, 2 A), residual force, stiffness, what each point does, the stiffest."""
+        """Nodes of touching sets of elements (B, m), residual force, stiffness, what each point does, the stiffest."""
         near = self._near(space)
         cells = near.cells
-        other = cells.cells[found.rows[:, 6].astype(np.int64), 0]
-        _, first, slot = np.unique(found.element * len(cells.h) + other, return_index=True, return_inverse=True)
-        nodes = np.concatenate([cells.nodes[found.element[first]], cells.nodes[other[first]]], axis=1)
-        B, A = len(first), cells.nodes.shape[1]
-        force = np.zeros((B, 2 * A, 6))
-        stiffness = np.zeros((B, 12 * A, 12 * A)) if tangent else NOBODY
-        values = np.zeros((len(found.rows), 8))
         contact = state.contact or fresh(state, self, space)
         touch = contact.touch[self]
+        laws = near.laws(found, touch.scale)
+        rows, others, second, which = second_places(cells, self.range, found, found.rows[:, 2] - laws[:, 0], state.r)
+        mine = cells.nodes[found.element]
+        _, first, slot = np.unique(which, return_index=True, return_inverse=True)
+        nodes = np.concatenate([mine[first], others[first]], axis=1)
+        n = nodes.shape[1]
+        force = np.zeros((len(first), n, 6))
+        stiffness = np.zeros((len(first), 6 * n, 6 * n)) if tangent else NOBODY
+        values = np.zeros((len(found.rows), 8))
         kept = theta = np.empty((0, 3))
         T = R = NOBODY
         if self.friction > 0:
@@ -168,9 +171,8 @@ class RodContact:
             theta, (T, R) = np.empty_like(state.r), np.empty((2, len(state.r), 3, 3))
             kernels.turned(state.q, contact.base_q, theta, T, R)
         stiffest = press_pairs(
-            found.rows, cells.nodes[found.element], cells.nodes[other], slot, cells.coefficients, state.r,
-            near.laws(found, touch.scale), np.array([self.friction, self.slip]), kept, contact.base_r, theta, T, R, exact,
-            force, stiffness, values,
+            rows, mine, others, second, slot, cells.coefficients, laws, np.array([self.friction, self.slip]), kept,
+            contact.base_r, theta, T, R, exact, force, stiffness, values,
         )  # fmt: skip
         return nodes, force, stiffness, values, stiffest
 
