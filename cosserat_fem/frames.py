@@ -163,7 +163,7 @@ def write_checkpoint(path: pathlib.Path, scene: str, saved: Checkpoint, counters
         about["touch"] = [{"scale": touch.scale, "lost": touch.lost} for touch in contact.touch.values()]
         arrays |= {"base_r": contact.base_r, "base_q": contact.base_q}
         for k, touch in enumerate(contact.touch.values()):
-            arrays |= {f"keys_{k}": touch.keys, f"slips_{k}": touch.slips}
+            arrays |= {f"keys_{k}": touch.keys, f"slips_{k}": touch.slips, f"forces_{k}": touch.forces}
     if saved.lasts is not None:
         arrays["lasts"] = saved.lasts
     data = pack(about, arrays)
@@ -185,7 +185,10 @@ def _contact(about: dict[str, Any], arrays: dict[str, np.ndarray]) -> Contact | 
     """Memory of contact, its terms by their numbers."""
     if "contact" not in about:
         return None
-    touch = {k: Touch(arrays[f"keys_{k}"], arrays[f"slips_{k}"], **said) for k, said in enumerate(about["touch"])}
+    touch = {
+        k: Touch(arrays[f"keys_{k}"], arrays[f"slips_{k}"], arrays[f"forces_{k}"], **said)
+        for k, said in enumerate(about["touch"])
+    }
     return Contact(**about["contact"], base_r=arrays["base_r"], base_q=arrays["base_q"], touch=touch)
 
 

@@ -152,13 +152,19 @@ class RodNodes:
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """What one contact term remembers: slips (m, 3) [m] of the places with the keys (m,), increasing; its pressure scale
-    [N/m]; work lost by friction so far [J]."""
+    """What one contact term remembers: slips (m, 3) [m] of the places with the keys (m,), increasing, and the normal forces
+    (m,) [N] there; its pressure scale [N/m]; work lost by friction so far [J]."""
 
     keys: np.ndarray
     slips: np.ndarray
+    forces: np.ndarray
     scale: float
     lost: float = 0.0
+
+    @classmethod
+    def of_nothing(cls, scale: float, lost: float = 0.0) -> Touch:
+        """Nothing touches."""
+        return cls(np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty(0), scale, lost)
 
 
 @dataclass(frozen=True, eq=False)

@@ -336,8 +336,8 @@ def test_memory_of_contact_is_in_the_checkpoint(tmp_path):
     state = model.initial_state(0.5)
     n = model.space.n_nodes
     touch = {
-        model.contacts[0]: Touch(np.array([3, 7]), np.arange(6.0).reshape(2, 3), 0.1, 2.5),
-        model.contacts[1]: Touch(np.empty(0, dtype=np.int64), np.empty((0, 3)), 7.0),
+        model.contacts[0]: Touch(np.array([3, 7]), np.arange(6.0).reshape(2, 3), np.array([4.0, 5.0]), 0.1, 2.5),
+        model.contacts[1]: Touch.of_nothing(7.0),
     }
     state = cf.State(0.5, state.r, state.q, state.stress, contact=Contact(0.4, 0.3, state.r + 1, state.q, touch))
     rates = Rates(*np.zeros((3, n, 6)))

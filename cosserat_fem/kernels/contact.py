@@ -7,7 +7,11 @@ Law, per unit length of the unstressed rod, gap g, range G, scale P [N/m], x = g
               x = 1 and infinite at 0 (Li and others 2020, Incremental Potential Contact, doi 10.1145/3386569.3392425, as a
               line density);
     friction  the slip of the surface since it was last at rest, at most `elastic` long, turned into a force of mu p at
-              that length: true stick below, Coulomb slip above, and no scale of its own.
+              that length: true stick below, Coulomb slip above, and no scale of its own. Slip kept from before counts
+              min(1, F0 / F) times, with the normal force F of its place, F0 then: pressed harder, it holds no more than
+              before, or letting go would give back more work than was done (so Mindlin and Deresiewicz 1953, doi
+              10.1115/1.4010702, of spheres). A place is a cell over an obstacle: the points in it have one memory, which
+              `terms.touch.renewed` makes anew, so that a load that comes and goes lets nothing creep.
 """
 
 from __future__ import annotations
@@ -65,23 +69,56 @@ def slide(u0, u1, u2, mu, elastic):
     return f, f / square if size > ABOUT_TO_SLIP * elastic else 0.0
 
 
+@lean
+def pressing(distance, law):
+    """Pressure, -dp/dg and potential at a distance: barrier and layer."""
+    core, G, P, soft, depth = law
+    p, stiff, psi = barrier(distance - core, G, P)
+    if soft > 0.0:
+        p1, k1, psi1 = layer(core + G + depth - distance, soft, G)
+        p, stiff, psi = p + p1, stiff + k1, psi + psi1
+    return p, stiff, psi
+
+
+@lean
+def part_kept(rows, k, end, places, before, law):
+    """Part of the slip kept at the place of which k is the first point, and its change with the place's normal force."""
+    if before == 0.0:
+        return 1.0, 0.0
+    total = 0.0
+    for j in range(k, end):
+        if places[j] != places[k]:
+            break
+        total += rows[j, 1] * pressing(rows[j, 2], law)[0]
+    if total <= before:
+        return 1.0, 0.0
+    return before / total, -before / (total * total)
+
+
 @kernel
 def press(rows, runs, nodes, coefficients, law, friction, rubbing, exact, force, stiffness, found):
     """Residual force (S, A, 6) and, if not empty, stiffness (S, 6 A, 6 A) of contact at points, for touched elements.
 
     rows: of `reach.find`; runs (S + 1,): where the points of each touched element begin; nodes (S, A); law (5,): core
     radius (distance at which the barrier is infinite), range, scale, stiffness and depth of a compliant layer; friction
-    (3,): mu, elastic slip, lever (radius of the rod). rubbing: kept (K, 3), slip kept from before; away, theta, T, R: of
-    `moved_past`, since then. Empty without friction. exact: keep
-    the part of the stiffness that pressure has by the curvature of the obstacle. found (K, 8): pressure, friction
-    per pressure (3), slip (3), potential; or empty. The stiffness is written whatever it was, the others must be zero.
+    (3,): mu, elastic slip, lever (radius of the rod). rubbing: places (K,), numbers of which equal ones follow each other;
+    kept (K, 3), their slip kept from before, and before (K,) [N], their normal force then; away, theta, T, R: of
+    `moved_past`, since then. Empty without friction. exact: keep the part of the stiffness that pressure has by the
+    curvature of the obstacle. found (K, 9): pressure, friction per pressure (3), slip (3), potential, part of the slip kept
+    that counts; or empty. The stiffness is written whatever it was, the others must be zero.
     Returns the largest weight times stiffness [N/m].
 
     The stiffness at a point is the same for all pairs of nodes a, b but for a factor N_a N_b: it is summed over the points
     of an element in space, for a >= b, and put into the axes of the nodes once.
     """
     A = nodes.shape[1]
-    sums = np.zeros((A, 6)), np.zeros((A * (A + 1) // 2, 36))
+    sums = (
+        np.zeros((A, 6)),
+        np.zeros((A * (A + 1) // 2, 36)),
+        np.zeros((A, 6, A, 3)),
+        np.zeros((A, 6)),
+        np.zeros((A, 3)),
+    )
     return add_points(
         rows, runs, nodes, coefficients, law, friction, rubbing, exact, force, stiffness, found, sums, np.empty((2, 36))
     )
@@ -91,19 +128,17 @@ def press(rows, runs, nodes, coefficients, law, friction, rubbing, exact, force,
 def add_points(rows, runs, nodes, coefficients, law, friction, rubbing, exact, force, stiffness, found, sums, room):
     """What `press` does, with room for sums over the points of an element, for shape functions and a point."""
     A = nodes.shape[1]
-    of_nodes, of_pairs = sums
+    of_nodes, of_pairs, by_force, pull, closing = sums
     N, point = room[0, :A], room[1]
-    core, G, P, soft, depth = law
     mu, elastic, lever = friction
-    kept, away, theta, T, R = rubbing
+    places, kept, before, away, theta, T, R = rubbing
     rubs, tangent, told, stiffest = mu > 0.0, stiffness.shape[0] > 0, found.shape[0] > 0, 0.0
+    part, change = 1.0, 0.0
     for s in range(nodes.shape[0]):
+        pressed_harder = False
         for k in range(runs[s], runs[s + 1]):
             w, n0, n1, n2 = rows[k, 1], rows[k, 3], rows[k, 4], rows[k, 5]
-            p, stiff, psi = barrier(rows[k, 2] - core, G, P)
-            if soft > 0.0:
-                p1, k1, psi1 = layer(core + G + depth - rows[k, 2], soft, G)
-                p, stiff, psi = p + p1, stiff + k1, psi + psi1
+            p, stiff, psi = pressing(rows[k, 2], law)
             stiffest = max(stiffest, w * stiff)
             if told:
                 found[k, 0], found[k, 7] = p, psi
@@ -123,7 +158,9 @@ def add_points(rows, runs, nodes, coefficients, law, friction, rubbing, exact, f
                 if tangent:
                     add_pressed(rows, k, w, stiff, bend, N, of_pairs)
                 continue
-            z0, z1, z2, t0, t1, t2 = kept[k, 0], kept[k, 1], kept[k, 2], 0.0, 0.0, 0.0
+            if k == runs[s] or places[k] != places[k - 1]:
+                part, change = part_kept(rows, k, runs[s + 1], places, before[k], law)
+            z0, z1, z2, t0, t1, t2 = part * kept[k, 0], part * kept[k, 1], part * kept[k, 2], 0.0, 0.0, 0.0
             for a in range(A):
                 node, f = nodes[s, a], N[a]
                 z0, z1, z2 = z0 + f * away[node, 0], z1 + f * away[node, 1], z2 + f * away[node, 2]
@@ -136,14 +173,14 @@ def add_points(rows, runs, nodes, coefficients, law, friction, rubbing, exact, f
             m0, m1, m2 = f * u0, f * u1, f * u2
             if told:
                 found[k, 1], found[k, 2], found[k, 3] = m0, m1, m2
-                found[k, 4], found[k, 5], found[k, 6] = u0, u1, u2
+                found[k, 4], found[k, 5], found[k, 6], found[k, 8] = u0, u1, u2, part
             c0, c1, c2 = n1 * m2 - n2 * m1, n2 * m0 - n0 * m2, n0 * m1 - n1 * m0
             for a in range(A):
-                part = w * p * N[a]
-                turning = -lever * part
-                of_nodes[a, 0] += part * (m0 - n0)
-                of_nodes[a, 1] += part * (m1 - n1)
-                of_nodes[a, 2] += part * (m2 - n2)
+                load = w * p * N[a]
+                turning = -lever * load
+                of_nodes[a, 0] += load * (m0 - n0)
+                of_nodes[a, 1] += load * (m1 - n1)
+                of_nodes[a, 2] += load * (m2 - n2)
                 of_nodes[a, 3] += turning * c0
                 of_nodes[a, 4] += turning * c1
                 of_nodes[a, 5] += turning * c2
@@ -153,12 +190,20 @@ def add_points(rows, runs, nodes, coefficients, law, friction, rubbing, exact, f
             pair = 0
             for a in range(A):
                 for b in range(a + 1):
-                    part = w * N[a] * N[b]
+                    both = w * N[a] * N[b]
                     for j in range(36):
-                        of_pairs[pair, j] += part * point[j]
+                        of_pairs[pair, j] += both * point[j]
                     pair += 1
+            if change != 0.0:
+                pressed_harder = True
+                last = k + 1 == runs[s + 1] or places[k + 1] != places[k]
+                add_kept(
+                    rows, k, w, p, stiff, lever, (u0, u1, u2), f, g, kept[k], change, last, N, pull, closing, by_force
+                )
         if rubs:
             settle_rubbed(s, nodes, T, R, of_nodes, of_pairs, tangent, force, stiffness)
+            if pressed_harder:
+                settle_kept(s, nodes, R, by_force, stiffness)
         else:
             settle(s, of_nodes, of_pairs, tangent, force, stiffness)
     return stiffest
@@ -226,6 +271,61 @@ def rubbed_point(rows, k, p, stiff, bend, lever, u, f, g, z, turn, point):
     point[21], point[22], point[23] = fa * (1.0 - n0 * n0) - ga * c0 * c0, w01, w02
     point[27], point[28], point[29] = w01, fa * (1.0 - n1 * n1) - ga * c1 * c1, w12
     point[33], point[34], point[35] = w02, w12, fa * (1.0 - n2 * n2) - ga * c2 * c2
+
+
+@lean
+def add_kept(rows, k, w, p, stiff, lever, u, f, g, kept, change, last, N, pull, closing, by_force):
+    """What friction loses as the kept slip counts less with the normal force F of its place: pull (A, 6) of all its points,
+    for a slip that counts one more, times `change` of that with F, times closing (A, 3), that of F with places of nodes.
+
+    After the last point of the place they are multiplied into by_force (A, 6, A, 3).
+    """
+    n0, n1, n2 = rows[k, 3], rows[k, 4], rows[k, 5]
+    u0, u1, u2 = u
+    along = n0 * kept[0] + n1 * kept[1] + n2 * kept[2]
+    d0, d1, d2 = kept[0] - n0 * along, kept[1] - n1 * along, kept[2] - n2 * along
+    less = g * (u0 * d0 + u1 * d1 + u2 * d2)
+    d0, d1, d2 = f * d0 - less * u0, f * d1 - less * u1, f * d2 - less * u2
+    A = N.shape[0]
+    for a in range(A):
+        load, near = w * p * N[a], -w * stiff * N[a]
+        pull[a, 0] += load * d0
+        pull[a, 1] += load * d1
+        pull[a, 2] += load * d2
+        pull[a, 3] -= lever * load * (n1 * d2 - n2 * d1)
+        pull[a, 4] -= lever * load * (n2 * d0 - n0 * d2)
+        pull[a, 5] -= lever * load * (n0 * d1 - n1 * d0)
+        closing[a, 0] += near * n0
+        closing[a, 1] += near * n1
+        closing[a, 2] += near * n2
+    if last:
+        for a in range(A):
+            for i in range(6):
+                for b in range(A):
+                    for j in range(3):
+                        by_force[a, i, b, j] += pull[a, i] * change * closing[b, j]
+        for a in range(A):
+            for i in range(6):
+                pull[a, i] = 0.0
+            for j in range(3):
+                closing[a, j] = 0.0
+
+
+@lean
+def settle_kept(s, nodes, R, by_force, stiffness):
+    """Add by_force (A, 6, A, 3), with moments put into the axes of the nodes, to the stiffness of an element; clear it."""
+    A = nodes.shape[1]
+    for a in range(A):
+        node = nodes[s, a]
+        for b in range(A):
+            for j in range(3):
+                m0, m1, m2 = by_force[a, 3, b, j], by_force[a, 4, b, j], by_force[a, 5, b, j]
+                for i in range(3):
+                    stiffness[s, 6 * a + i, 6 * b + j] += by_force[a, i, b, j]
+                    turned = R[node, 0, i] * m0 + R[node, 1, i] * m1 + R[node, 2, i] * m2
+                    stiffness[s, 6 * a + 3 + i, 6 * b + j] += turned
+                for i in range(6):
+                    by_force[a, i, b, j] = 0.0
 
 
 @lean

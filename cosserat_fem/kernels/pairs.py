@@ -14,7 +14,7 @@ from math import cos, sin, sqrt
 import numpy as np
 
 from . import kernel, lean
-from .contact import barrier, layer, slide
+from .contact import part_kept, pressing, slide
 
 
 @lean
@@ -71,18 +71,20 @@ def shapes_at(coefficients, xi, out):
 
 @kernel
 def press_pairs(
-    rows, nodes1, nodes2, second, slot, coefficients, laws, friction, kept, r0, theta, T, R, exact, force, stiffness, found
+    rows, nodes1, nodes2, second, slot, coefficients, laws, friction, rubbing, exact, force, stiffness, found
 ):  # fmt: skip
     """Residual force (S, A + B, 6) and, if not empty, stiffness (S, 6 (A + B), 6 (A + B)) of contact between rods.
 
     rows: of `reach.find`; nodes1 (K, A): of the element of the first place; nodes2 (K, B), second (2, K, B): those that move
     the second place, their shape functions there and the derivatives of these by its xi; slot (K,): which block; laws
     (K, 7): core distance, range, scale, stiffness and depth of a layer, radius of both rods; friction (2,): mu, elastic
-    slip.
-    kept (K, 3), r0 (N, 3): slip and places last accepted; theta, T, R: of `contact.turned`. exact: with
-    the curvature of the distance. found (K, 8): pressure, friction per pressure, slip, potential. Returns the largest
-    weight times stiffness.
+    slip. rubbing: places (K,), kept (K, 3), before (K,) as for `contact.press`, but before counts all of a point; r0 (N, 3):
+    where nodes were then; theta, T, R: of `contact.turned`. exact: with the curvature of the distance. found (K, 9): as of
+    `contact.press`. Returns the largest weight times stiffness.
+
+    In the stiffness the normal force of a place that reaches over two blocks counts for each of them alone.
     """
+    places, kept, before, r0, theta, T, R = rubbing
     A, B = nodes1.shape[1], nodes2.shape[1]
     N1, D1 = np.empty(A), np.empty(A)
     n, t, x2, m, nm, z, u = (
@@ -99,15 +101,14 @@ def press_pairs(
     dspin, moment = np.empty(3), np.empty(3)
     mu, elastic = friction
     rubs, tangent, stiffest = mu > 0.0, stiffness.shape[0] > 0, 0.0
-    columns = 6 if rubs else 3
+    columns, part, change = 6 if rubs else 3, 1.0, 0.0
+    pull, near = np.zeros((A + B, 6)), np.zeros((A + B, 3))
     for k in range(rows.shape[0]):
         row, s = rows[k], slot[k]
         core, G, P, soft, depth, a1, a2 = laws[k]
         d, weight = row[2], 0.5 * row[1]
-        p, stiff, psi = barrier(d - core, G, P)
-        if soft > 0.0:
-            p1, k1, psi1 = layer(core + G + depth - d, soft, G)
-            p, stiff, psi = p + p1, stiff + k1, psi + psi1
+        law = (core, G, P, soft, depth)
+        p, stiff, psi = pressing(d, law)
         stiffest = max(stiffest, weight * stiff)
         shape(coefficients, row[0], N1, D1)
         N2, D2 = second[0, k], second[1, k]
@@ -119,6 +120,8 @@ def press_pairs(
             free = False
         l1, l2 = a1 * d / (a1 + a2), a2 * d / (a1 + a2)
         if rubs:
+            if k == 0 or places[k] != places[k - 1]:
+                part, change = part_kept(rows, k, rows.shape[0], places, before[k], law)
             for i in range(3):
                 turn1[i] = turn2[i] = v[i] = slide1[i] = fade[i] = 0.0
                 for a in range(A):
@@ -131,7 +134,7 @@ def press_pairs(
                     v[i] -= N2[a] * r0[node, i]
                     slide1[i] += D2[a] * r0[node, i]
                     fade[i] += D2[a] * theta[node, i]
-                v[i] -= kept[k, i]
+                v[i] -= part * kept[k, i]
                 mean[i] = 0.5 * (turn1[i] + turn2[i])
                 spin[i] = turn1[i] - turn2[i]
             turn_by(mean, E, J)
@@ -149,6 +152,7 @@ def press_pairs(
             cross(n, m, nm)
             for i in range(3):
                 found[k, 4 + i] = u[i]
+            found[k, 8] = part
         found[k, 0], found[k, 7] = p, psi
         for i in range(3):
             found[k, 1 + i] = m[i]
@@ -173,6 +177,32 @@ def press_pairs(
                     stiffness[s, o + 2, o + 1] += 0.5 * moment[0]
         if not tangent:
             continue
+        if change != 0.0:  # as of `contact.add_kept`
+            for i in range(3):
+                one[i] = E[i, 0] * kept[k, 0] + E[i, 1] * kept[k, 1] + E[i, 2] * kept[k, 2]
+            along = dot(n, one)
+            for i in range(3):
+                du[i] = one[i] - n[i] * along
+            along = dot(u, du)
+            for i in range(3):
+                dm[i] = rub * du[i] - fall * u[i] * along
+            cross(n, dm, two)
+            for a in range(A + B):
+                c = N1[a] if a < A else -N2[a - A]
+                node, lever = (nodes1[k, a], l1 * c) if a < A else (nodes2[k, a - A], -l2 * c)
+                for i in range(3):
+                    pull[a, i] += weight * c * p * dm[i]
+                    total = R[node, 0, i] * two[0] + R[node, 1, i] * two[1] + R[node, 2, i] * two[2]
+                    pull[a, 3 + i] -= weight * lever * p * total
+                    near[a, i] -= row[1] * stiff * c * n[i]
+            if k + 1 == rows.shape[0] or places[k + 1] != places[k] or slot[k + 1] != s:
+                for a in range(A + B):
+                    for i in range(6):
+                        for b in range(A + B):
+                            for j in range(3):
+                                stiffness[s, 6 * a + i, 6 * b + j] += pull[a, i] * change * near[b, j]
+                pull[:] = 0.0
+                near[:] = 0.0
         for e in range(A + B):
             g = e - A
             ce = N1[e] if e < A else -N2[g]

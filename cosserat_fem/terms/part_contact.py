@@ -32,9 +32,9 @@ from .touch import (
     Pressed,
     check_law,
     contact_radius,
-    merged_slips,
+    kept_at,
+    renewed,
     search,
-    slips_at,
     spans_of,
     starting_scale,
 )
@@ -47,7 +47,8 @@ STRETCHED = 1.9  # radii: a longer piece of rod between two looked at places cou
 # times the largest component of a node's way: more than the ball about a cell moves and grows, on nodes to order 6
 FARTHER = 13.0
 NOBODY = np.empty((0, 3, 3))
-SMOOTH = 3 * (np.empty((0, 3)),) + 2 * (NOBODY,)  # no friction, no slip
+# no friction: no places, slips, forces, ways, turns
+SMOOTH = np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty(0), *2 * (np.empty((0, 3)),), *2 * (NOBODY,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +146,7 @@ class PartContact:
     def start(self, space: Space) -> Touch:
         """Memory at the start of a run."""
         patch = 2.0 * np.sqrt(2.0 * self.range * self.radius)
-        return Touch(np.empty(0, dtype=np.int64), np.empty((0, 3)), self.pressure or starting_scale([self.rod], patch))
+        return Touch.of_nothing(self.pressure or starting_scale([self.rod], patch))
 
     def _near(self, space: Space) -> Near:
         return space.remember((self, "near"), lambda: Near(self, Cells.of([self.rod], [self.radius], space)))
@@ -172,7 +173,7 @@ class PartContact:
         S, A = nodes.shape
         force = np.zeros((S, A, 6))
         stiffness = np.empty((S, 6 * A, 6 * A)) if tangent else NOBODY
-        values = np.zeros((len(found.rows) if told else 0, 8))
+        values = np.zeros((len(found.rows) if told else 0, 9))
         contact = state.contact or fresh(state, self, space)
         depth = (0.0, 0.0) if self.layer is None else self.layer
         law = np.array([self.core, self.range, contact.touch[self].scale, *depth])
@@ -188,13 +189,15 @@ class PartContact:
         near = self._near(space)
         (R, c), (R0, c0) = self.part.pose(contact.time), self.part.pose(contact.base_time)
         step = R @ R0.T
-        kept = slips_at(contact.touch[self], near.keys(found)) @ R.T
+        places = near.keys(found)
+        slips, before = kept_at(contact.touch[self], places)
+        kept = slips @ R.T
         (away, theta), (T, R) = np.empty((2, *state.r.shape)), np.empty((2, len(state.r), 3, 3))
         turn = quaternion_from_matrix(step)
         kernels.moved_past(
             state.r, state.q, contact.base_r, contact.base_q, turn, step, c - step @ c0, away, theta, T, R
         )
-        return kept, away, theta, T, R
+        return places, kept, before, away, theta, T, R
 
     def gap(self, state: State, space: Space) -> float:
         """Smallest distance [m] that was looked at, minus the one that is never reached."""
@@ -254,15 +257,15 @@ class PartContact:
         names = (self.name, self.rod.name, self.part.name)
         gap, s_gap = found.gap + self.core - self.radius, near.place(found)
         if not len(found.rows):
-            empty = Touch(np.empty(0, dtype=np.int64), np.empty((0, 3)), touch.scale, touch.lost)
-            return empty, Pressed.none(*names, gap, s_gap, touch.lost)
+            return Touch.of_nothing(touch.scale, touch.lost), Pressed.none(*names, gap, s_gap, touch.lost)
         touched, force, _, values, _ = self._press(state, space, found, False, False)
         w, p, m, u = found.rows[:, 1], values[:, 0], values[:, 1:4], values[:, 4:7]
         size = np.linalg.norm(u, axis=1)
         held = u * np.minimum(1.0, self.slip / np.maximum(size, 1e-300))[:, None]
         lost = touch.lost + float(np.einsum("k,k,ki,ki->", w, p, m, u - held))
-        keys, slips = merged_slips(near.keys(found), held @ R, w * np.maximum(p, 1e-300))
-        kept = slips_at(touch, near.keys(found)) @ R.T
+        places, part = near.keys(found), values[:, 8]
+        memory = renewed(touch, places, held @ R, part, w * p, self.slip)
+        kept = part[:, None] * kept_at(touch, places)[0] @ R.T
         rubbed = -float(np.einsum("k,k,ki,ki->", w, p, m, u - kept))
         n = found.rows[:, 3:6]
         load = (w * p)[:, None] * (n - m)  # on the rod
@@ -273,7 +276,7 @@ class PartContact:
             *names, -np.concatenate([load.sum(0), np.cross(at, load).sum(0)]), gap, s_gap, spans_of(s, w),
             float(p[top]), float(s[top]), lost, near.cells.nodes[touched].ravel(), -force.reshape(-1, 6), rubbed,
         )  # fmt: skip
-        return Touch(keys, slips, touch.scale, lost), told
+        return Touch(*memory, touch.scale, lost), told
 
     def largest_step(self, state: State, trial: State, space: Space) -> float:
         """Part of the way to a trial state that no gap forbids."""

@@ -24,7 +24,7 @@ from ..rod import Rod
 from ..space import Blocks, Space, State, Touch
 from .external import check_rod
 from .joint import second_places
-from .part_contact import CLOSING, LEFT, MARGIN, NOBODY, NOTHING, SLIGHTEST, SPARE, STRETCHED, THICKER, fresh
+from .part_contact import CLOSING, LEFT, MARGIN, NOBODY, NOTHING, SLIGHTEST, SMOOTH, SPARE, STRETCHED, THICKER, fresh
 from .touch import (
     ELASTIC,
     RANGE,
@@ -34,9 +34,9 @@ from .touch import (
     Pressed,
     check_law,
     contact_radius,
-    merged_slips,
+    kept_at,
+    renewed,
     search,
-    slips_at,
     spans_of,
     starting_scale,
 )
@@ -135,7 +135,7 @@ class RodContact:
         """Memory at the start of a run."""
         patch = 2.0 * np.sqrt(2.0 * self.range * min(self.radii))
         scale = self.pressure or starting_scale(list(self.rods), patch)
-        return Touch(np.empty(0, dtype=np.int64), np.empty((0, 3)), scale)
+        return Touch.of_nothing(scale)
 
     def _near(self, space: Space) -> Near:
         return space.remember((self, "near"), lambda: Near(self, Cells.of(self.rods, self.radii, space)))
@@ -163,16 +163,16 @@ class RodContact:
         n = nodes.shape[1]
         force = np.zeros((len(first), n, 6))
         stiffness = np.zeros((len(first), 6 * n, 6 * n)) if tangent else NOBODY
-        values = np.zeros((len(found.rows), 8))
-        kept = theta = np.empty((0, 3))
-        T = R = NOBODY
+        values = np.zeros((len(found.rows), 9))
+        rubbing = SMOOTH
         if self.friction > 0:
-            kept = slips_at(touch, near.keys(found))
+            places = near.keys(found)
             theta, (T, R) = np.empty_like(state.r), np.empty((2, len(state.r), 3, 3))
             kernels.turned(state.q, contact.base_q, theta, T, R)
+            rubbing = places, *kept_at(touch, places), contact.base_r, theta, T, R
         stiffest = press_pairs(
-            rows, mine, others, second, slot, cells.coefficients, laws, np.array([self.friction, self.slip]), kept,
-            contact.base_r, theta, T, R, exact, force, stiffness, values,
+            rows, mine, others, second, slot, cells.coefficients, laws, np.array([self.friction, self.slip]), rubbing, exact,
+            force, stiffness, values,
         )  # fmt: skip
         return nodes, force, stiffness, values, stiffest
 
@@ -234,15 +234,17 @@ class RodContact:
         gap = found.gap - self.depth
         s_gap = float(near.cells.s_of(np.array([cell]), np.array([xi]))[0])
         if not len(found.rows):
-            empty = Touch(np.empty(0, dtype=np.int64), np.empty((0, 3)), touch.scale, touch.lost)
-            return empty, Pressed.none(self.name, both, both, gap, s_gap, touch.lost)
+            return Touch.of_nothing(touch.scale, touch.lost), Pressed.none(
+                self.name, both, both, gap, s_gap, touch.lost
+            )
         nodes, force, _, values, _ = self._press(state, space, found, False, False)
         w, p, m, u = 0.5 * found.rows[:, 1], values[:, 0], values[:, 1:4], values[:, 4:7]
         size = np.linalg.norm(u, axis=1)
         held = u * np.minimum(1.0, self.slip / np.maximum(size, 1e-300))[:, None]
         lost = touch.lost + float(np.einsum("k,k,ki,ki->", w, p, m, u - held))
-        keys, slips = merged_slips(near.keys(found), held, w * np.maximum(p, 1e-300))
-        kept = slips_at(touch, near.keys(found))
+        places, part = near.keys(found), values[:, 8]
+        memory = renewed(touch, places, held, part, found.rows[:, 1] * p, self.slip)
+        kept = part[:, None] * kept_at(touch, places)[0]
         rubbed = -float(np.einsum("k,k,ki,ki->", w, p, m, u - kept))
         s = near.cells.s_of(found.cell, found.rows[:, 0])
         top = int(np.argmax(p))
@@ -250,7 +252,7 @@ class RodContact:
             self.name, both, both, np.zeros(6), gap, s_gap, spans_of(s, found.rows[:, 1]), float(p[top]),
             float(s[top]), lost, nodes.ravel(), -force.reshape(-1, 6), rubbed,
         )  # fmt: skip
-        return Touch(keys, slips, touch.scale, lost), told
+        return Touch(*memory, touch.scale, lost), told
 
     def largest_step(self, state: State, trial: State, space: Space) -> float:
         """Part of the way to a trial state that no gap forbids."""

@@ -207,23 +207,35 @@ def starting_scale(rods: list[Rod], reach: float) -> float:
     return scale
 
 
-def slips_at(touch: Touch, keys: np.ndarray) -> np.ndarray:
-    """Remembered slips (n, 3) of places with these keys, zero where nothing touched before."""
-    out = np.zeros((len(keys), 3))
+def kept_at(touch: Touch, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Remembered slips (n, 3) and normal forces (n,) of places with these keys, zero where nothing touched before."""
+    slips, forces = np.zeros((len(keys), 3)), np.zeros(len(keys))
     if len(touch.keys):
         at = np.minimum(np.searchsorted(touch.keys, keys), len(touch.keys) - 1)
         known = touch.keys[at] == keys
-        out[known] = touch.slips[at[known]]
-    return out
+        slips[known], forces[known] = touch.slips[at[known]], touch.forces[at[known]]
+    return slips, forces
 
 
-def merged_slips(keys: np.ndarray, slips: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean slip of each key, by weight: so that the friction of a place is kept. Its length is the mean of lengths."""
-    unique, which = np.unique(keys, return_inverse=True)
-    mean = np.stack([np.bincount(which, weight * slips[:, i], len(unique)) for i in range(3)], axis=1)
-    total = np.bincount(which, weight * np.linalg.norm(slips, axis=1), len(unique))
-    size = total / np.maximum(np.bincount(which, weight, len(unique)), 1e-300)
-    return unique, mean * (size / np.maximum(np.linalg.norm(mean, axis=1), 1e-300))[:, None]
+def renewed(
+    touch: Touch, keys: np.ndarray, held: np.ndarray, part: np.ndarray, force: np.ndarray, elastic: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Keys of places, slip and normal force [N] that each remembers, of points with slips held (n, 3) [m] and force (n,).
+
+    part (n,): of the slip remembered so far, as it counts now; elastic [m]: the largest slip. The friction of a place is
+    kept: its slip is the mean by force, as long as the mean of lengths. A place that is pressed harder than it remembers
+    goes on to remember the less force with the longer slip: let go to that force, it pulls as it did.
+    """
+    unique, first, which = np.unique(keys, return_index=True, return_inverse=True)
+    weight = np.maximum(force, 1e-300)
+    total = np.maximum(np.bincount(which, weight, len(unique)), 1e-300)
+    mean = np.stack([np.bincount(which, weight * held[:, i], len(unique)) for i in range(3)], axis=1)
+    size = np.bincount(which, weight * np.linalg.norm(held, axis=1), len(unique)) / total
+    along = mean / np.maximum(np.linalg.norm(mean, axis=1), 1e-300)[:, None]
+    uncounted = (1.0 - part[first])[:, None] * kept_at(touch, unique)[0]
+    longer = np.clip(size + (uncounted * along).sum(axis=1), size, np.maximum(size, elastic))
+    share = np.where(longer > 0.0, size / np.maximum(longer, 1e-300), 1.0)
+    return unique, longer[:, None] * along, share * np.bincount(which, force, len(unique))
 
 
 @dataclass(frozen=True, eq=False)

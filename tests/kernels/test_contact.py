@@ -16,7 +16,8 @@ from cosserat_fem.kernels.reach import OUT
 from cosserat_fem.kernels.rotation import matrix_from_quaternion
 from cosserat_fem.kernels.shapes import closed_form, facets, triangles
 from cosserat_fem.kernels.triangles import triangle_distance
-from cosserat_fem.space import Contact
+from cosserat_fem.space import Contact, Touch
+from cosserat_fem.terms.touch import renewed
 from helpers import write_obj
 
 SHAPES = {
@@ -246,22 +247,36 @@ def touching(name, friction, tmp_path, *, noise=3e-5, seed=0):
     return term, model, replace(state, contact=contact)
 
 
-def crossing(angle, friction, *, slip=1e-5, seed=1):
+def crossing(angle, friction, *, slip=1e-5, seed=1, beside=0.0):
     """A term, its model, and a state of two rods of different radius that press, after a slip of this size [m]; they cross
-    where two elements of either meet."""
+    where two elements of either meet, or so far beside it [m]."""
     rng = np.random.default_rng(seed)
     thin = cf.Section.round(0.01, youngs_modulus=1e7, poisson_ratio=0.3, density=1000)
     a = cf.Rod("a", LAW, [(0, 0, 0), (1, 0, 0)], n_elements=10, order=3)
-    half, middle = 0.5 * np.array([np.cos(angle), np.sin(angle), 0]), np.array([0.5, 0, 0.015 - 1e-4])
-    b = cf.Rod("b", thin, [middle - half, middle + half], n_elements=10, order=3)
+    half, middle = 0.5 * np.array([np.cos(angle), np.sin(angle), 0]), np.array([0.5 + beside, 0, 0.015 - 1e-4])
+    ends = middle + (2 * beside + np.array([[-1], [1]])) * half
+    b = cf.Rod("b", thin, ends, n_elements=10, order=3)
     term = cf.RodContact([a, b], friction=friction, stand_off=5e-4, elastic_slip=1e-4)
     model = cf.Model([a, b], [cf.Clamp(a, "start")], [term])
     base = model.space.update(model.initial_state(), smooth(model, rng, 3e-5))
     state = model.space.update(base, smooth(model, rng, slip) * [1, 1, 1, 100, 100, 100])
     near = term._near(model.space)
     keys = np.unique(near.keys(near.find(state)))
-    touch = replace(term.start(model.space), keys=keys, slips=0.3 * slip * rng.normal(size=(len(keys), 3)))
+    slips = 0.3 * slip * rng.normal(size=(len(keys), 3))
+    touch = replace(term.start(model.space), keys=keys, slips=slips, forces=np.full(len(keys), np.inf))
     return term, model, replace(state, contact=Contact(0.0, 0.0, base.r, base.q, {term: touch}))
+
+
+def remembering(term, model, state, harder, *, kept=0.3, seed=2):
+    """The state with slips kept from when each place was pressed with so many times less force."""
+    near, contact = term._near(model.space), state.contact
+    found = near.find(state)
+    pressure = term._press(state, model.space, found, False, False)[3][:, 0]
+    keys, which = np.unique(near.keys(found), return_inverse=True)
+    slips = kept * term.slip * np.random.default_rng(seed).normal(size=(len(keys), 3))
+    forces = np.bincount(which, found.rows[:, 1] * pressure) / harder
+    touch = replace(contact.touch[term], keys=keys, slips=slips, forces=forces)
+    return replace(state, contact=replace(contact, touch={term: touch}))
 
 
 def residual(term, model, state):
@@ -322,6 +337,65 @@ def test_tangent_between_rods(angle, friction, slip):
         assert (slips.max() > term.slip) == (slip > 1e-5)
     assert error < 1e-3
     assert friction > 0 or abs(K - K.T).max() <= 1e-15 * abs(K).max()
+
+
+@pytest.mark.parametrize("kept", [0.3, 30.0], ids=["stick", "slip"])
+@pytest.mark.parametrize("harder", [0.5, 3.0])
+def test_tangent_pressed_harder(harder, kept, tmp_path):
+    """The derivative where the slip kept from before counts in part: on a plane, and between rods but for moving points."""
+    term, model, state = touching("plane", 0.3, tmp_path, noise=3e-6)
+    state = remembering(term, model, state, harder, kept=kept)
+    assert tangent_error(term, model, state)[0] < 1e-7
+    values = term._press(state, model.space, term._near(model.space).find(state), False, False)[3]
+    np.testing.assert_allclose(values[:, 8], min(1.0, 1.0 / harder), rtol=1e-12)
+    for angle, beside, allowed in ((0.02, 0.0, 1e-6), (1.57, 0.03, 1e-2)):
+        term, model, state = crossing(angle, 0.3, slip=3e-6, beside=beside)
+        assert tangent_error(term, model, remembering(term, model, state, harder, kept=kept))[0] < allowed
+
+
+def test_pressed_harder_holds_no_more(tmp_path):
+    """A place that has not moved pulls with the force that it had, however much harder it is pressed; less when less."""
+    pulls = {}
+    for sink in (0.0, 2e-4):
+        term, model, state = touching("plane", 0.3, tmp_path, noise=0.0)
+        near, contact = term._near(model.space), replace(state.contact, time=0.0)
+        state = replace(state, contact=contact)
+        found = near.find(state)
+        keys, which = np.unique(near.keys(found), return_inverse=True)
+        pressure = term._press(state, model.space, found, False, False)[3][:, 0]
+        forces = np.bincount(which, found.rows[:, 1] * pressure)
+        slips = np.tile([0.3 * term.slip, 0.0, 0.0], (len(keys), 1))
+        down = np.zeros((model.space.n_nodes, 6))
+        down[:, 2] = -sink
+        pressed = model.space.update(state, down)
+        touch = replace(contact.touch[term], keys=keys, slips=slips, forces=forces)
+        pressed = replace(pressed, contact=replace(contact, base_r=pressed.r, base_q=pressed.q, touch={term: touch}))
+        pulls[sink] = residual(term, model, pressed).sum(axis=0)
+    assert pulls[2e-4][2] < 2 * pulls[0.0][2] < 0
+    assert pulls[2e-4][0] == pytest.approx(pulls[0.0][0], rel=1e-9)
+    assert pulls[0.0][0] == pytest.approx(-0.3 * 0.3 * pulls[0.0][2], rel=1e-9)
+
+
+def test_memory_of_friction(rng):
+    """What is remembered pulls as it does now, at this normal force; a load that comes and goes leaves it as it was."""
+    elastic, force, slip = 1e-4, 2.0, np.array([[6e-5, 0.0, 0.0]])
+    place, one = np.array([3]), np.array([force])
+    first = Touch(*renewed(Touch.of_nothing(1.0), place, slip, np.ones(1), one, elastic), 1.0)
+    for harder in (5.0, 1.7):  # nothing moves: the slip counts in part
+        part = np.ones(1) / harder
+        again = Touch(*renewed(first, place, slip * part[:, None], part, harder * one, elastic), 1.0)
+        np.testing.assert_allclose(again.slips, first.slips, rtol=1e-14)
+        np.testing.assert_allclose(again.forces, first.forces, rtol=1e-14)
+    for _ in range(200):
+        harder, moved = 10 ** rng.uniform(-1, 1), elastic * rng.normal(size=3)
+        part = min(1.0, first.forces[0] / (harder * force))
+        held = part * first.slips + moved
+        held *= np.minimum(1.0, elastic / np.linalg.norm(held))
+        again = Touch(*renewed(first, place, held, np.array([part]), harder * one, elastic), 1.0)
+        assert np.linalg.norm(again.slips) <= elastic * (1 + 1e-12)
+        assert again.forces[0] <= harder * force * (1 + 1e-12)
+        np.testing.assert_allclose(again.forces[0] * again.slips[0], harder * force * held[0], rtol=1e-12, atol=1e-18)
+        first = again
 
 
 @pytest.mark.parametrize("kink", [1e-4, -1e-4])
