@@ -49,7 +49,8 @@ from .stops import Stops, steps_to
 TOLERANCE = 1e-9  # relative residual of a time step
 GROWTH = 4.0  # a step longer than this many of the last one starts with b = a
 PLAIN_ESTIMATE = 0.3  # in parts of the allowed error: below it the estimate is good enough as it is
-LARGEST_TURN = 2.0  # rad in a step; the rotation vector of a step is unique below pi
+# rad in a step; the rotation vector of a step is unique below pi, and near that another state solves the step as well
+LARGEST_TURN, FLIPPED = 2.0, 2.5
 LONGER, SAFETY = 1.5, 0.8  # growth of a step; aim at this part of the step that would just be allowed
 TOGETHER = 20_000  # steps times nodes in one compiled call: a run can be interrupted between calls
 SHORT = 1e-3  # part of a step over which a strain rate is measured
@@ -396,7 +397,12 @@ class Run:
         )  # fmt: skip
         offset = None if self.impact is None else self.impact.enter(inertia, self.grip, late)
         for acceleration in (0.5, 0.0):  # unresolved vibrations make b a bad guess
-            solved = self._solve(h * rates.v + acceleration * h * h * rates.b, t1, inertia, offset)
+            guess = h * rates.v + acceleration * h * h * rates.b
+            if acceleration > 0.0 and np.abs(guess[:, 3:]).max() > LARGEST_TURN:
+                continue
+            solved = self._solve(guess, t1, inertia, offset)
+            if solved.converged and np.abs(inertia.D[:, 3:]).max() > FLIPPED:
+                solved = replace(solved, reason=f"a section turns by more than {FLIPPED:g} rad in a step")
             if solved.converged:
                 break
         if solved.converged and self.impact is not None:
