@@ -476,20 +476,11 @@ class Model:
         if mu > 0.0:
             shifts = mu * self.shift[:, :, None] * np.eye(6)
             nodal = nodal + shifts if len(nodal) else shifts
-        places = self._places if len(nodal) else self._places[:-1]
+        places = self.space.places if len(nodal) else self.space.places[:-1]
         values = [*matrices, nodal] if len(nodal) else matrices
         parts = [Entries(*place, K.ravel()) for place, K in zip(places, values, strict=True)]
         parts += [Entries.at(blocks.nodes, blocks.stiffness) for blocks in outside.coupled]  # type: ignore[arg-type]
         return Entries.sum(parts)
-
-    @cached_property
-    def _places(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Rows and columns of the matrices of elements, for each group, and of those of nodes."""
-        places = []
-        for conn in [*(group.conn for group in self.space.groups), np.arange(self.space.n_nodes)[:, None]]:
-            width = 6 * conn.shape[1]
-            places.append(Entries.at(conn, np.empty((len(conn), width, width)))[:2])
-        return places
 
     def matrix(self, state: State) -> csc_matrix:
         """Full tangent (6 N, 6 N) before supports: the plain sum of all blocks."""

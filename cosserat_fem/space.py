@@ -435,6 +435,15 @@ class Space:
         zero = [np.zeros_like(g.tables[2]) if angles is None else np.zeros_like(g.reference) for g in self.groups]
         return replace(state, stress=tuple(zero))
 
+    @cached_property
+    def places(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Rows and columns of the matrices of elements, for each group, and of those of nodes, as of `Entries`."""
+        places = []
+        for conn in [*(group.conn for group in self.groups), np.arange(self.n_nodes)[:, None]]:
+            width = 6 * conn.shape[1]
+            places.append(Entries.at(conn, np.empty((len(conn), width, width)))[:2])
+        return places
+
     def drawn_state(self, t: float = 0.0) -> State:
         """The drawn shape at time t, without stress memory.
 

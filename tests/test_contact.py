@@ -10,6 +10,7 @@ from verification import contact_references as cr
 
 import cosserat_fem as cf
 from cosserat_fem.iteration.barrier import Approach
+from cosserat_fem.rod import Elements
 from helpers import centreline, write_obj
 
 G = 9.81
@@ -355,6 +356,20 @@ def test_crossing_ropes(validation, n_elements):
     case, many = "two ropes that cross", f"{n_elements} elements"
     validation.row(case, source, force, found, 1e-3, variant=f"force, {many}")
     validation.row(case, source, (h1, h2), lifts, 1e-3, variant=f"lifts, {many}")
+
+
+def test_rods_touch_on_other_elements():
+    """A model that was solved while rods touched, and the same on finer elements: each puts its own tangent together."""
+    section = cf.Section.round(0.01, youngs_modulus=5e6, poisson_ratio=0.4, density=1200)
+    low = cf.Rod("low", section, [(0, -0.2, 0), (0, 0.2, 0)], n_elements=4)
+    high = cf.Rod("high", section, [(-0.2, 0.01, 0.0101), (0.2, 0.01, 0.0101)], n_elements=4)
+    supports = [cf.Clamp(low, "start"), cf.Clamp(low, "end"), cf.Clamp(high, "start")]
+    model = cf.Model([low, high], supports, [cf.RodContact([low, high]), cf.Gravity((0, 0, -9.81))])
+    reactions = [cf.solve_static(model).reaction("high.start@ground")[0]]
+    finer = model.with_elements({rod: Elements(3, np.linspace(0, rod.length, 9)) for rod in (low, high)})
+    reactions += [cf.solve_static(m).reaction("high.start@ground")[0] for m in (finer, model)]
+    np.testing.assert_array_equal(reactions[0], reactions[2])
+    assert 0 < np.abs(reactions[1] - reactions[0]).max() < 0.01 * np.abs(reactions[0]).max()
 
 
 # meshes
