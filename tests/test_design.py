@@ -54,7 +54,8 @@ def test_the_largest_load_is_where_a_limit_says(tmp_path, limits, load, active):
     assert found.best.feasible
     about = json.loads((tmp_path / "out" / "design.json").read_text())
     assert [active in text for text in about["best"]["active"]] == [True]
-    assert about["check"]["largest_difference"] < 1e-8
+    # both equilibria are met to the round-off of places, 4 eps EA L / h = 9e-10 N
+    assert about["check"]["largest_difference"] < 2 * 9e-10 / load
     assert cf.load_scene(tmp_path / "out" / "best.toml").tables.load[0].force[2] == found.best.changes["load.0.force.2"]
     with open(tmp_path / "out" / "trials.csv", newline="") as file:
         rows = list(csv.DictReader(file))
