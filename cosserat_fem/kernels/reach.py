@@ -180,13 +180,22 @@ def strand_sag(slope, out):
 
 
 @lean
+def hole_sag(C, a, way, radius, y, slope):
+    """As `sag`, how much less convex the distance from a torus is in its hole, along a way from a to y: the nearest place
+    turns about the axis, with a curvature of one over the distance from that."""
+    b0, b1 = y[0], y[1]
+    place_at(C, a, y, slope)
+    nearest = 0.5 * (sqrt(b0 * b0 + b1 * b1) + sqrt(y[0] * y[0] + y[1] * y[1]) - way)
+    return 0.125 * way * way / max(nearest, 1e-6 * way) if nearest < radius else 0.0
+
+
+@lean
 def may_dip(bend, ga, gb, fa, fb, level, shallow):
     """True if on a piece there may be a smallest distance below `level` that its ends do not tell, by more than `shallow`.
 
-    ga, gb, fa, fb: distances and their derivatives at the ends, one of them not below `level`; bend: how far the piece
-    bends off its chord. The distance from a convex body is a convex function of the place: along a curve its second
-    derivative is no less than that of the curve, with a minus. So it lies above a parabola from either end; where these two
-    meet they are lowest.
+    ga, gb, fa, fb: distances and their derivatives at the ends; bend: how far the piece bends off its chord. The distance
+    from a convex body is a convex function of the place: along a curve its second derivative is no less than that of the
+    curve, with a minus. So it lies above a parabola from either end; where these two meet they are lowest.
     """
     least, slopes = min(ga, gb), fb - fa + 8.0 * bend
     if not max(ga, gb) < np.inf or (bend <= shallow and fa < 0.0 < fb):
@@ -345,7 +354,15 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
                         kinked = cells[now, 0] != cells[then, 0] and ga + gb - BENT * w * size_of(slope) < 2.0 * level
                 else:
                     gb, fb = g1, f1
-                if (ga < level and gb < level) or w < FINEST * (end - begin) or (rods is not None and pieces == 1):
+                hollow = rods is None and not faceted and kind == TORUS
+                if w < FINEST * (end - begin) or (rods is not None and pieces == 1):
+                    break
+                if hollow:
+                    way = way_to(C, a, b, y, slope)
+                    if ga + gb - way >= 2.0 * level:
+                        break
+                    off = hole_sag(C, a, way, size[0], y, slope) / (w * w)
+                elif ga < level and gb < level:
                     break
                 if bend < 0.0:
                     bend = sag(C, begin, end) / (end - begin) ** 2

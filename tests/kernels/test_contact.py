@@ -512,6 +512,34 @@ def test_no_dip_is_overlooked(shape, order):
         assert len(found.rows) > 0 or wanted > 0.9 * term.range
 
 
+@pytest.mark.parametrize("tube", [1.0, 3.0, 10.0])
+def test_no_dip_in_a_narrow_hole_is_overlooked(tube):
+    """A rod in a ring whose hole is 1 % wider: tilted, it leans on both rims, in one cell, where distance is not convex."""
+    rng, radius, length = np.random.default_rng(11), 1e-3, 20e-3
+    ring = cf.Torus((0, 0, 0), (1, 0, 0), (1.01 + tube) * radius, tube * radius)
+    rod = cf.Rod("r", LAW, [(-length, 0, 0), (length, 0, 0)], n_elements=15, order=3)
+    term = cf.PartContact(rod, cf.Part("p", shape=ring), radius=radius)
+    model = cf.Model([rod], [], [term])
+    state, near = model.initial_state(), term._near(model.space)
+    xi, up, tried = np.linspace(0, 1, 401), np.array([0.0, 0.0, 1.0]), 0
+    while tried < 100:
+        tilt, wanted = rng.uniform(-0.15, 0.15), rng.uniform(0.05, 1.2) * term.range
+        r = state.r @ [[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]]
+        r = r + [rng.uniform(-1e-3, 1e-3), *rng.normal(scale=3e-6, size=2)] + rng.normal(scale=1e-6, size=r.shape)
+        places = np.concatenate([near.cells.places(np.full(len(xi), e), xi, r) for e in range(15)])
+        places = places[np.abs(places[:, 0]) < 6e-3]
+
+        def above(height, places=places, wanted=wanted):
+            return ring.distance(places + height * up).min() - term.core - wanted
+
+        if above(0.0) < 0.0:
+            continue
+        tried += 1
+        height = scipy.optimize.brentq(above, 0.0, 1e-4, xtol=1e-12)
+        found = near.find(replace(state, r=r + height * up))
+        assert found.gap <= wanted + 0.06 * term.range
+
+
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_no_dip_between_rods_is_overlooked(order):
     """The same of two rods, whose elements also meet in kinks: one of them feels it."""

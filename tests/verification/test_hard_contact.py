@@ -256,8 +256,6 @@ def test_through_a_narrow_ring(mu, validation):
     check_ring(mu, 10.0, validation)
 
 
-@pytest.mark.slow
-@pytest.mark.xfail(raises=cf.ConvergenceError, reason="no equilibrium is found near the tilt at which the cable jams")
 @pytest.mark.parametrize("mu", [0.0, 0.3])
 def test_through_a_narrow_short_ring(mu, validation):
     """The same hole rounded with one radius: it leans on both rims."""
