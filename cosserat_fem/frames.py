@@ -181,6 +181,29 @@ def _list(saved: Checkpoint, name: str) -> Any:
     return saved.state.stress if name == "stress" else getattr(saved, name)
 
 
+def _restored(about: dict[str, Any], arrays: dict[str, np.ndarray]) -> tuple[dict[str, Any], Checkpoint]:
+    """What was said beside a checkpoint, and the checkpoint. KeyError for what it does not have."""
+    lists = {name: tuple(arrays[f"{name}_{k}"] for k in range(n)) for name, n in about["lists"].items()}
+    saved = Checkpoint(
+        State(about["t"], arrays["r"], arrays["q"], lists["stress"], contact=_contact(about, arrays)),
+        Rates(arrays["v"], arrays["a"], arrays["b"]),
+        about["h"],
+        about["wanted_h"],
+        about["work"],
+        list(lists["forces"]),
+        arrays["residual"],
+        lists["strain"],
+        lists["strain_before"],
+        about["strain_step"],
+        about["kept"],
+        about["largest_energy"],
+        about["added"],
+        arrays.get("lasts"),
+        [(t, h, error, bool(accepted)) for t, h, error, accepted in arrays["log"].tolist()],
+    )
+    return about, saved
+
+
 def _contact(about: dict[str, Any], arrays: dict[str, np.ndarray]) -> Contact | None:
     """Memory of contact, its terms by their numbers."""
     if "contact" not in about:
@@ -213,23 +236,11 @@ def read_checkpoint(path: pathlib.Path) -> tuple[str, Checkpoint, dict[str, Any]
     data = content[HEAD.size :]
     if len(content) < HEAD.size or HEAD.unpack(content[: HEAD.size]) != (len(data), zlib.crc32(data)):
         raise SceneError(f"{path}: is not a whole checkpoint; start again with `cosserat-fem run`.")
-    about, arrays = unpack(data)
-    lists = {name: tuple(arrays[f"{name}_{k}"] for k in range(n)) for name, n in about["lists"].items()}
-    saved = Checkpoint(
-        State(about["t"], arrays["r"], arrays["q"], lists["stress"], contact=_contact(about, arrays)),
-        Rates(arrays["v"], arrays["a"], arrays["b"]),
-        about["h"],
-        about["wanted_h"],
-        about["work"],
-        list(lists["forces"]),
-        arrays["residual"],
-        lists["strain"],
-        lists["strain_before"],
-        about["strain_step"],
-        about["kept"],
-        about["largest_energy"],
-        about["added"],
-        arrays.get("lasts"),
-        [(t, h, error, bool(accepted)) for t, h, error, accepted in arrays["log"].tolist()],
-    )
+    try:
+        about, saved = _restored(*unpack(data))
+    except KeyError as missing:
+        raise SceneError(
+            f"{path}: was written by another version of cosserat_fem (it has no {missing}); start again with "
+            "`cosserat-fem run`."
+        ) from None
     return about["scene"], saved, about["counters"]

@@ -241,6 +241,27 @@ def test_start_inside_is_refused():
         cf.solve_static(cf.Model([a, b], [cf.Clamp(a, "start"), cf.Clamp(b, "start")], [cf.RodContact([a, b])]))
 
 
+def test_start_on_another_rod_is_refused():
+    """Two rods drawn in one place: no way out of it is better than another."""
+    section = cf.Section.round(0.01, youngs_modulus=5e6, poisson_ratio=0.4, density=1200)
+    rods = [cf.Rod(name, section, [(0, 0, 0), (0.2, 0, 0)], n_elements=4) for name in "ab"]
+    supports = [cf.Clamp(rod, "start") for rod in rods]
+    with pytest.raises(cf.SceneError, match=r"rod '[ab]': at s = .* m it is 0.01 m inside rod '[ab]'"):
+        cf.solve_static(cf.Model(rods, supports, [cf.RodContact(rods)]))
+
+
+def test_start_wholly_inside_a_mesh_is_refused(tmp_path):
+    """A cable in the middle of a closed body, far from its faces: it is inside, centreline and all."""
+    import pyvista
+
+    pyvista.Box((-1, 1, -1, 1, -1, 1)).triangulate().save(tmp_path / "box.stl")
+    section = cf.Section.round(0.01, youngs_modulus=5e6, poisson_ratio=0.4, density=1200)
+    rod = cf.Rod("rod", section, [(-0.1, 0, 0), (0.1, 0, 0)], n_elements=4)
+    term = cf.PartContact(rod, cf.Part("block", mesh=tmp_path / "box.stl"))
+    with pytest.raises(cf.SceneError, match=r"inside part 'block', centreline and all"):
+        cf.solve_static(cf.Model([rod], [cf.Clamp(rod, "start")], [term]))
+
+
 def test_start_half_inside_is_pushed_out():
     """The surface in the floor, the centreline outside: pushed out, with a warning that says how deep it was."""
     model = lying(height=0.003)

@@ -350,3 +350,16 @@ def test_memory_of_contact_is_in_the_checkpoint(tmp_path):
     assert list(back.touch) == list(model.contacts)
     for term in model.contacts:
         same(touch[term], back.touch[term])
+
+
+def test_checkpoint_of_another_version(tmp_path):
+    """One that has not all that is remembered now is refused in words."""
+    import zlib
+
+    import cosserat_fem as cf
+    from cosserat_fem.frames import HEAD, pack
+
+    data = pack({"lists": {"stress": 1}}, {"r": np.zeros((2, 3))})
+    (tmp_path / CHECKPOINT).write_bytes(HEAD.pack(len(data), zlib.crc32(data)) + data)
+    with pytest.raises(cf.SceneError, match="another version of cosserat_fem .it has no 'stress_0'.; start again"):
+        read_checkpoint(tmp_path / CHECKPOINT)
