@@ -25,7 +25,8 @@ SOFT, FIRM = 1e-5, 0.03  # where the largest pressure is below this part of the 
 # in time, below this part of the scale it shrinks to so many times that pressure, but not faster than this in a step
 MILD, MILDER, SLOWLY = 1 / 60, 15.0, 0.1
 CAPACITY = 2.7  # energy of a barrier at a twentieth of its range, in parts of scale times range
-COMING_OFF, KEPT = (1.0, 0.5, 0.25), 0.5  # parts of an increment that may leave so much of what touches where it is
+# parts of an increment that are tried until so much of what is to stay in touch does
+COMING_OFF, KEPT = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02), 0.95
 NUDGE = 1e-3  # of the smallest gap or range: how far parts move to see how forces change
 
 
@@ -48,16 +49,18 @@ class Approach:
         """True if a state has a memory of this model's contact."""
         return state.contact is not None and set(state.contact.touch) == set(self.terms)
 
-    def move(self, state: State, du: np.ndarray, scale: float, *, stiffen: bool = True) -> tuple[State, float]:
+    def move(
+        self, state: State, du: np.ndarray, scale: float, *, stiffen: bool = True, keep: bool = False
+    ) -> tuple[State, float]:
         """The state after as much of the increment scale * du (N, 6) as gaps allow, with parts moved along; and how much.
 
-        stiffen: pressure scales may grow; not in time, where that would add energy. Returns 0 and the state itself if there
-        is no way forward.
+        stiffen: pressure scales may grow; not in time, where that would add energy. keep: what is to stay in touch does.
+        Returns 0 and the state itself if there is no way forward.
         """
         space, least = self.model.space, SMALLEST * scale
         trial = self._after(state, du, scale)
         scale *= min(term.largest_step(state, trial, space) for term in self.terms)
-        if stiffen:
+        if keep:
             scale = self._kept_on(state, du, scale)
         while scale > least:
             trial = self._after(state, du, scale)
@@ -67,16 +70,16 @@ class Approach:
         return state, 0.0
 
     def _kept_on(self, state: State, du: np.ndarray, scale: float) -> float:
-        """The part of an increment on which what touches does not come off, if a little shorter one is enough.
+        """The part of an increment on which what is to stay in touch does so, if a shorter one is enough.
 
         An increment along a round part is a tangent of it, and leaves it: nothing then holds the rod, and the next one goes
-        astray.
+        astray. What leaves by the increment itself, as if surfaces were flat, may go.
         """
         space = self.model.space
-        held = [(term, KEPT * term.touched(state, space)) for term in self.terms]
-        for part in COMING_OFF if any(length > 0.0 for _, length in held) else ():
+        terms = [term for term in self.terms if term.touched(state, space) > 0.0]
+        for part in COMING_OFF if terms else ():
             trial = self._after(state, du, part * scale)
-            if all(term.touched(trial, space) >= length for term, length in held):
+            if all(term.touched(trial, space) >= KEPT * term.stays(state, trial, space) for term in terms):
                 return part * scale
         return scale
 

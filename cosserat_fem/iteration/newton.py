@@ -279,7 +279,8 @@ class Newton:
                         return stop(f"no progress in {hopeless} iterations")
                     if stalled > PATIENCE:  # friction that sticks and slips in turn
                         scale *= self._downhill(state, du, scale, targets, offset, step, tolerance, residual)
-                    moved, scale = approach.move(state, du, scale, stiffen=step is None)
+                    rests = step is None
+                    moved, scale = approach.move(state, du, scale, stiffen=rests, keep=rests and not guarded)
                     if scale == 0.0:
                         return stop(approach.blocked(state))
                     if guarded and scale < SHORT:

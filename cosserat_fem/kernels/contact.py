@@ -33,8 +33,9 @@ def barrier(g, G, P):
         return 0.0, 0.0, 0.0
     x = g / G
     l, m = log(x), x - 1.0
-    p = P * (2.0 * m * l + m * m / x)
-    k = -P / G * (2.0 * l + 4.0 * m / x - m * m / (x * x))
+    over = m / x
+    p = P * m * (2.0 * l + over)
+    k = -P / G * (2.0 * l + over * (4.0 - over))
     return p, k, -P * G * m * m * l
 
 

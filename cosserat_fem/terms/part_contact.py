@@ -207,6 +207,17 @@ class PartContact:
         """Length [m] of rod that is pressed."""
         return float(self._near(space).find(state).rows[:, 1].sum())
 
+    def stays(self, state: State, trial: State, space: Space) -> float:
+        """Length [m] of what is pressed that would be so at a trial state if surfaces were flat."""
+        near = self._near(space)
+        found, cells = near.find(state), near.cells
+        (R, c), (R1, c1) = self.part.pose(near.time(state)), self.part.pose(near.time(trial))
+        xi, turn = found.rows[:, 0], R1 @ R.T
+        with_part = (cells.places(found.element, xi, state.r) - c) @ turn.T + c1
+        way = cells.places(found.element, xi, trial.r) - with_part
+        closer = found.rows[:, 2] + np.einsum("ki,ki->k", found.rows[:, 3:6] @ turn.T, way) < self.level
+        return float(found.rows[closer, 1].sum())
+
     def overlaps(self, state: State, space: Space) -> list[str]:
         """What is wrong with a state at the start: the rod inside the part."""
         near = self._near(space)

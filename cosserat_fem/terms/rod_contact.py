@@ -184,6 +184,16 @@ class RodContact:
         """Length [m] of rod that is pressed."""
         return float(self._near(space).find(state).rows[:, 1].sum())
 
+    def stays(self, state: State, trial: State, space: Space) -> float:
+        """Length [m] of what is pressed that would be so at a trial state if rods were straight."""
+        near = self._near(space)
+        found, cells = near.find(state), near.cells
+        rows, step = found.rows, trial.r - state.r
+        other = cells.cells[rows[:, 6].astype(np.int64), 0]
+        way = cells.places(found.element, rows[:, 0], step) - cells.places(other, rows[:, 7], step)
+        closer = rows[:, 2] + np.einsum("ki,ki->k", rows[:, 3:6], way) < near.levels[found.obstacle]
+        return float(rows[closer, 1].sum())
+
     def overlaps(self, state: State, space: Space) -> list[str]:
         """What is wrong with a state at the start: rods inside each other."""
         near = self._near(space)
