@@ -30,6 +30,25 @@ def write_obj(path, points, triangles):
     path.write_text("\n".join(lines) + "\n")
 
 
+def drum_mesh(path, radius, facets, **options):
+    """A drum of as many facets about y, of the same mean radius, as a part."""
+    angle = 2 * np.pi * (np.arange(facets) + 0.5) / facets
+    r = radius * np.sqrt(2 * np.pi / facets / np.sin(2 * np.pi / facets))
+    ring = np.c_[r * np.cos(angle), 0 * angle, r * np.sin(angle)]
+    points = np.concatenate([ring - [0, 0.05, 0], ring + [0, 0.05, 0], [(0, -0.05, 0), (0, 0.05, 0)]])
+    i, j = np.arange(facets), np.roll(np.arange(facets), -1)
+    triangles = np.concatenate(
+        [
+            np.c_[i, i + facets, j],
+            np.c_[j, i + facets, j + facets],
+            np.c_[i, j, 0 * i + 2 * facets],
+            np.c_[j + facets, i + facets, 0 * i + 2 * facets + 1],
+        ]
+    )
+    write_obj(path, points, triangles)
+    return cf.Part("drum", mesh=path, **options)
+
+
 def centreline(model, rod, state, count):
     """Places (S, 3) [m] of a rod's centreline, `count` to an element and its end: Lagrange polynomials, written out."""
     nodes, order = model.space[rod].nodes, rod.order

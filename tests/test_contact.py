@@ -11,7 +11,7 @@ from verification import contact_references as cr
 import cosserat_fem as cf
 from cosserat_fem.iteration.barrier import Approach
 from cosserat_fem.rod import Elements
-from helpers import centreline, write_obj
+from helpers import centreline, drum_mesh, write_obj
 
 G = 9.81
 CABLE = cf.Section.round(0.01, youngs_modulus=1e8, poisson_ratio=0.3, density=1200)
@@ -412,25 +412,6 @@ def test_groove_is_touched_on_both_sides(tmp_path, validation):
     assert (np.bincount((sides > 0).astype(int), found.rows[:, 1]) > 0.99 * 0.3).all()
     peak = history.contacts()[0].peak
     validation.row("rod in a groove of 90 degrees", "closed form", WEIGHT / np.sqrt(2), peak, 2e-2)
-
-
-def drum_mesh(path, radius, facets):
-    """A drum of as many facets about y, of the same mean radius."""
-    angle = 2 * np.pi * (np.arange(facets) + 0.5) / facets
-    r = radius * np.sqrt(2 * np.pi / facets / np.sin(2 * np.pi / facets))
-    ring = np.c_[r * np.cos(angle), 0 * angle, r * np.sin(angle)]
-    points = np.concatenate([ring - [0, 0.05, 0], ring + [0, 0.05, 0], [(0, -0.05, 0), (0, 0.05, 0)]])
-    i, j = np.arange(facets), np.roll(np.arange(facets), -1)
-    triangles = np.concatenate(
-        [
-            np.c_[i, i + facets, j],
-            np.c_[j, i + facets, j + facets],
-            np.c_[i, j, 0 * i + 2 * facets],
-            np.c_[j + facets, i + facets, 0 * i + 2 * facets + 1],
-        ]
-    )
-    write_obj(path, points, triangles)
-    return cf.Part("drum", mesh=path)
 
 
 def over_drum(drum, *, n_elements=12):

@@ -196,6 +196,82 @@ def lifted_rod(height, weight, EI, *, pull=0.0, points=201):
     return Lifted(length * unit, F * w, (length - F) * w, u * length * unit, x * unit, z * unit, th, kappa / unit)
 
 
+class Ruck(NamedTuple):
+    """What `ruck` finds. Shape of one half, from lift-off (s = 0) to the middle."""
+
+    length: float  # [m] arc length off the plane, of both halves
+    compression: float  # [N] in the parts that lie
+    height: float  # [m] of the middle
+    reaction: float  # [N] concentrated reaction of the plane at each lift-off
+    s: np.ndarray  # [m]
+    x: np.ndarray  # [m] from lift-off
+    z: np.ndarray  # [m]
+    angle: np.ndarray  # [rad]
+    curvature: np.ndarray  # [1/m]
+
+
+def shallow_ruck(shortening, weight, EI):
+    """Ruck of small slope: (length [m], compression [N], height [m]). Arguments as for `ruck`.
+
+    EI z'''' + N z'' = -w, and z = z' = z'' = 0 at both ends of the length l (no step, no kink, no moment: see `ruck`). Even
+    about the middle x = 0, with k^2 = N / EI:
+        z = A cos kx - w x^2 / 2N + C,
+        z'' = 0:  -A k^2 cos u = w/N,   z' = 0:  -A k sin u = w l / 2N,   u = k l / 2.
+    Their quotient is tan u = u, u = 4.493409: N l^2 / EI = 4 u^2 = 80.76, whatever the weight and the height. With
+    sin u = u cos u the shortening, half the integral of z'^2 over the length, is
+        (w/N)^2 / 2k^3 * integral of (t - sin t / cos u)^2 dt from -u to u = (w/N)^2 / 2k^3 * 5 u^3 / 3 = 5 w^2 l^3 / 48 N^2,
+    which gives l^7 = 768 u^4 EI^2 shortening / 5 w^2; and the height is z(0) - z(l/2) = A (1 - cos u) + w l^2 / 8N.
+    """
+    u = brentq(lambda u: np.sin(u) - u * np.cos(u), np.pi, 1.5 * np.pi, xtol=1e-15)
+    length = (768 * u**4 * EI**2 * shortening / (5 * weight**2)) ** (1 / 7)
+    N = 4 * u**2 * EI / length**2
+    A = -weight * EI / (N**2 * np.cos(u))
+    return length, N, A * (1 - np.cos(u)) + weight * length**2 / (8 * N)
+
+
+def ruck(shortening, weight, EI, *, points=201):
+    """Ruck of a long heavy rod on the plane z = 0 whose ends are ``shortening`` [m] nearer than the rod is long.
+
+    weight [N/m], EI [N m^2]; no stretch, no shear, no self contact. The parts that lie carry the compression N and no
+    moment. Off the plane, s from lift-off, th the slope, as in `lifted_rod` with -N in the place of the pull:
+        x' = cos th,  z' = sin th,  th' = kappa,  EI kappa' = -N sin th - V cos th,  V = -w (l/2 - s);
+    V, the vertical force on the part before s, vanishes in the middle by symmetry. At lift-off z = th = 0 and
+    kappa = 0: a smooth plane gives no couple, so the moment is that of the part that lies, none. V jumps there to -w l/2,
+    a concentrated reaction of half the weight that is off the plane. In the middle th = 0 and x = l/2 - shortening/2.
+    Unknown l and N. A heavy rod that lies straight is stable under any N: a ruck is not its buckling, it is made.
+    Solved in the unit (EI/w)^(1/3), from `shallow_ruck` on.
+    """
+    unit = (EI / weight) ** (1 / 3)
+
+    def equations(u, y, p):
+        half, N = p
+        V = -half * (1 - u)
+        th = y[2]
+        return half * np.array([np.cos(th), np.sin(th), y[3], -N * np.sin(th) - V * np.cos(th)])
+
+    def ends(target):
+        return lambda y0, y1, p: np.array([*y0, y1[2], p[0] - y1[0] - target / 2])
+
+    u, wanted = np.linspace(0, 1, 101), shortening / unit
+    target = min(wanted, 0.01)
+    length, N, _ = shallow_ruck(target, 1.0, 1.0)
+    k, x = np.sqrt(N), (u - 1) * length / 2
+    A = -1 / (N**2 * np.cos(k * length / 2))
+    z = A * np.cos(k * x) - x**2 / (2 * N)
+    y = np.array([x - x[0], z - z[0], -A * k * np.sin(k * x) - x / N, -A * k**2 * np.cos(k * x) - 1 / N])
+    p = [length / 2, N]
+    while target < wanted:
+        found = _bvp(equations, ends(target), u, y, p, tol=1e-4)
+        y, p = found.sol(u), found.p
+        target = min(wanted, 2 * target)
+    found = _bvp(equations, ends(wanted), u, y, p)
+    half, N = found.p
+    u = np.linspace(0, 1, points)
+    x, z, th, kappa = found.sol(u)
+    w = weight * unit
+    return Ruck(2 * half * unit, N * w, z[-1] * unit, half * w, u * half * unit, x * unit, z * unit, th, kappa / unit)
+
+
 class Crossed(NamedTuple):
     """What `crossed_rod` finds. Shape of half the rod, from the clamp (s = 0) to the crossing."""
 

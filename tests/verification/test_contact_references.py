@@ -149,6 +149,45 @@ def test_lifted_rod(say, height, pull):
         assert (energy(height + step) - energy(height - step)) / (2 * step) == pytest.approx(ref.force, rel=1e-3)
 
 
+@pytest.mark.parametrize("shortening", [1e-6, 0.05, 0.5, 2.0])
+def test_ruck(say, shortening):
+    """Against shooting from lift-off; compression is the derivative of the energy; the closed form for small slope."""
+    w, EI = 2.5, 0.8
+    ref = cr.ruck(shortening, w, EI)
+
+    def shoot(length, N, **more):
+        def rates(s, y):
+            V = w * (s - length / 2)
+            return [np.cos(y[2]), np.sin(y[2]), y[3], (-N * np.sin(y[2]) - V * np.cos(y[2])) / EI]
+
+        tight = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14} | more
+        return solve_ivp(rates, (0, length / 2), [0, 0, 0, 0], **tight)
+
+    def misses(p):
+        x, _, angle, _ = shoot(*p).y[:, -1]
+        return [(p[0] - 2 * x) / shortening - 1, angle]
+
+    length, N = fsolve(misses, [ref.length * 1.0001, ref.compression * 0.9999], xtol=1e-13)
+    shape = shoot(length, N, t_eval=np.minimum(ref.s, length / 2)).y
+    off = abs(shape - [ref.x, ref.z, ref.angle, ref.curvature]).max(1)
+    say(f"length {length:.8f} ({ref.length / length - 1:.0e}), N {N:.8f}, height {ref.height:.6f}, {off.max():.0e}")
+    assert ref.length == pytest.approx(length, rel=1e-7)
+    assert ref.compression == pytest.approx(N, rel=1e-7)
+    assert off.max() < 1e-6
+    assert ref.height == pytest.approx(shape[1, -1], rel=1e-7)
+    assert ref.reaction == pytest.approx(w * length / 2, rel=1e-7)
+    if shortening < 1e-5:
+        assert cr.shallow_ruck(shortening, w, EI) == pytest.approx((length, N, ref.height), rel=1e-3)
+        assert N * length**2 / EI == pytest.approx(80.76, abs=0.01)
+
+    def energy(shortening):
+        found = cr.ruck(shortening, w, EI, points=4001)
+        return 2 * np.trapezoid(EI * found.curvature**2 / 2 + w * found.z, found.s)
+
+    step = 1e-2 * shortening
+    assert (energy(shortening + step) - energy(shortening - step)) / (2 * step) == pytest.approx(N, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("height", "length", "EA"), [(1e-4, 1.0, 1e4), (0.01, 1.0, 1e4), (0.05, 1.0, 1e4), (0.065, 1.01, np.inf)]
 )
