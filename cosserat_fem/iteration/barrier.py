@@ -141,6 +141,25 @@ class Approach:
         }
         return replace(state, contact=replace(contact, touch=touch))
 
+    def overrun(self, state: State) -> bool:
+        """True if a gap is a small part of the range of its barrier."""
+        return any(term.gap(state, self.model.space) < NEARLY_SHUT * term.range for term in self.terms)
+
+    def brace(self, state: State, energy: float) -> State:
+        """As `harden`, while something touches: that is lifted, by less than the range, so that it is pressed as before."""
+        contact: Contact = state.contact  # type: ignore[assignment]
+        space, r, touch = self.model.space, state.r.copy(), {}
+        for term, memory in contact.touch.items():
+            scale = energy / (CAPACITY * term.range * term.shortest)
+            if scale > 2.0 * memory.scale:  # less is not worth it
+                touch[term] = replace(memory, scale=scale)
+                r += term.lift(state, space, scale / memory.scale)
+        contact = replace(contact, base_r=r, touch=contact.touch | touch)
+        braced = replace(state, r=r, contact=contact)
+        if not touch or not all(term.clear(state, braced, space) for term in self.terms):
+            return state
+        return replace(braced, stress=self.model.internal.with_stress(braced, space))
+
     def relax(self, state: State, pressed: tuple[Pressed, ...]) -> State:
         """The state with pressure scales that fit what is pressed now, long after an impact: for steps in time that fail.
 

@@ -341,10 +341,13 @@ class Run:
             )
             if not solved.converged and h < shortest:
                 raise self._failure(solved, h)
-            if not solved.converged and approach is not None and ledger is not None and self.grip.steady:
-                # the force goes on from what it was: at the end of the step the rod lies a little deeper
-                self.state = approach.relax(self.state, ledger.pressed)
-                ledger.stored = ledger.stored_at(self.state)
+            if approach is not None and ledger is not None and (not solved.converged or error <= 1.0):
+                if solved.converged or approach.overrun(solved.state):  # something else hits
+                    self.state = ledger.brace(self.state, self.rates.v)
+                elif self.grip.steady:
+                    # the force goes on from what it was: at the end of the step the rod lies a little deeper
+                    self.state = approach.relax(self.state, ledger.pressed)
+                    ledger.stored = ledger.stored_at(self.state)
             wanted = h * (0.25 if not solved.converged or error <= 1.0 else max(0.2, SAFETY * error**-0.5))
             if wanted < self._stops.near:
                 raise self._failure(solved, h)

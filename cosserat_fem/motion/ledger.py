@@ -60,6 +60,15 @@ class Ledger:
             speed = speed + np.linalg.norm(np.cross(rates.omega, state.r - c) + rates.c_rate, axis=1)
         return 0.5 * float(speed**2 @ self.model.space.node_mass)
 
+    def brace(self, state: State, v: np.ndarray) -> State:
+        """The state with contact that can take up what might hit something, while something else touches already."""
+        braced = self.approach.brace(state, self.striking(state, v))
+        stored = self.stored_at(braced)
+        if sum(stored) - sum(self.stored) > LOST * self.largest:
+            return state
+        self.stored = stored
+        return braced
+
     def step(
         self, state: State, solved: Solved, inertia: InertiaStep, grip: Grip, t1: float
     ) -> tuple[list[float], list[float], float]:

@@ -33,6 +33,7 @@ from .touch import (
     check_law,
     contact_radius,
     kept_at,
+    raised,
     renewed,
     search,
     spans_of,
@@ -217,6 +218,13 @@ class PartContact:
         way = cells.places(found.element, xi, trial.r) - with_part
         closer = found.rows[:, 2] + np.einsum("ki,ki->k", found.rows[:, 3:6] @ turn.T, way) < self.level
         return float(found.rows[closer, 1].sum())
+
+    def lift(self, state: State, space: Space, times: float) -> np.ndarray:
+        """How nodes are to move (N, 3) [m] so that what is pressed stays so with so many times the pressure scale."""
+        near = self._near(space)
+        found = near.find(state)
+        x = (found.rows[:, 2] - self.core) / self.range
+        return near.cells.lifted(found, self.range * (raised(x, times) - x), len(state.r))
 
     def overlaps(self, state: State, space: Space) -> list[str]:
         """What is wrong with a state at the start: the rod inside the part."""

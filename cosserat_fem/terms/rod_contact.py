@@ -35,6 +35,7 @@ from .touch import (
     check_law,
     contact_radius,
     kept_at,
+    raised,
     renewed,
     search,
     spans_of,
@@ -193,6 +194,13 @@ class RodContact:
         way = cells.places(found.element, rows[:, 0], step) - cells.places(other, rows[:, 7], step)
         closer = rows[:, 2] + np.einsum("ki,ki->k", rows[:, 3:6], way) < near.levels[found.obstacle]
         return float(rows[closer, 1].sum())
+
+    def lift(self, state: State, space: Space, times: float) -> np.ndarray:
+        """See `PartContact`; each of two rods goes half of the way."""
+        near = self._near(space)
+        found = near.find(state)
+        x = (found.rows[:, 2] - near.cores.ravel()[found.obstacle]) / self.range
+        return near.cells.lifted(found, 0.5 * self.range * (raised(x, times) - x), len(state.r))
 
     def overlaps(self, state: State, space: Space) -> list[str]:
         """What is wrong with a state at the start: rods inside each other."""

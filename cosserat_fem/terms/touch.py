@@ -116,6 +116,15 @@ class Cells:
         powers = (xi[:, None] - 0.5) ** np.arange(len(self.coefficients))
         return np.einsum("kj,ja,kai->ki", powers, self.coefficients, r[self.nodes[element]])
 
+    def lifted(self, found: Found, way: np.ndarray, n_nodes: int) -> np.ndarray:
+        """Ways (n_nodes, 3) [m] of nodes, which are means of those of points (K,) along their normals near them."""
+        powers = (found.rows[:, 0, None] - 0.5) ** np.arange(len(self.coefficients))
+        weight = found.rows[:, 1, None] * (powers @ self.coefficients) ** 2
+        nodes, out, sums = self.nodes[found.element], np.zeros((n_nodes, 3)), np.zeros(n_nodes)
+        np.add.at(out, nodes, (weight * way[:, None])[..., None] * found.rows[:, None, 3:6])
+        np.add.at(sums, nodes, weight)
+        return out / np.maximum(sums, 1e-300)[:, None]
+
     def chord(self, r: np.ndarray) -> float:
         """Longest chord of a cell in radii of its rod."""
         return longest_chord(self.line, r, self.radii[self.rod_of])
@@ -205,6 +214,23 @@ def starting_scale(rods: list[Rod], reach: float) -> float:
         C, mass, _ = rod.section_at(np.array([0.5 * rod.length]))
         scale = max(scale, BENDING * float(C[0, 3, 3]) / rod.length**2 / reach, 9.81 * float(mass[0]))
     return scale
+
+
+def raised(x: np.ndarray, times: float) -> np.ndarray:
+    """Gaps (K,), in parts of the range, at which a barrier with so many times the scale presses as much as one does at x."""
+
+    def pressure(x: np.ndarray) -> np.ndarray:
+        return (x - 1.0) * (2.0 * np.log(x) + (x - 1.0) / x)
+
+    inside = x < 1.0
+    wanted, low, high = pressure(x[inside]) / times, x[inside], np.ones(int(inside.sum()))
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        harder = pressure(middle) > wanted
+        low, high = np.where(harder, middle, low), np.where(harder, high, middle)
+    out = x.copy()
+    out[inside] = low
+    return out
 
 
 def kept_at(touch: Touch, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
