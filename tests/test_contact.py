@@ -110,6 +110,54 @@ def test_barrier_becomes_softer_for_what_presses():
     assert approach.relax(away, (replace(pressed[0], peak=0.0),)) is away
 
 
+def test_barrier_becomes_harder_beside_what_lies():
+    """A rod that lies is braced for an impact: the pressure scale is another one, the force on the floor is not."""
+    model = lying()
+    approach, (term,) = Approach(model), model.contacts
+    state = cf.solve_static(model).final
+    energy = 0.1  # J
+    braced = approach.brace(state, energy)
+    scales = [s.contact.touch[term].scale for s in (state, braced)]
+    assert scales[1] > 1e3 * scales[0]
+    before, after = (np.abs(model.touching(s)[:, 2]).sum() for s in (state, braced))
+    assert after == pytest.approx(before, rel=0.1)
+    # the scale alone would throw it up
+    touch = {term: replace(state.contact.touch[term], scale=scales[1])}
+    alone = replace(state, contact=replace(state.contact, touch=touch))
+    assert np.abs(model.touching(alone)[:, 2]).sum() > 1e3 * before
+    assert term.potential(braced, model.space) < term.potential(state, model.space)
+    assert 0 < np.abs(braced.r - state.r).max() < term.range
+    assert approach.brace(braced, energy) is braced
+
+
+@pytest.mark.filterwarnings("ignore:energy ledger")
+def test_end_that_falls_while_the_rest_lies():
+    """A rope held up at one end is let go: it lays itself down, and no place of it goes below the floor."""
+    a, height = 0.002, 0.2
+    section = cf.Section(
+        force_stiffness=(1e4,) * 3,
+        moment_stiffness=(1e-2,) * 3,
+        mass_per_length=0.1,
+        rotary_inertia=(1e-7, 1e-7, 2e-7),
+        radius=a,
+    )
+    rod = cf.Rod("rod", section, [(0, 0, 1.002 * a), (1, 0, 1.002 * a)], n_elements=8)
+    hand = cf.Part("hand", motion=cf.Slider((0, 0, 1), ([0, 1], [0.0, height])))
+    terms = [cf.PartContact(rod, cf.Part("floor", shape=FLOOR)), cf.Gravity((0, 0, -G))]
+    held = cf.Model([rod], [cf.Pin(rod, "start", to=hand, free=("x",)), cf.Clamp(rod, "end")], terms)
+    start = replace(cf.solve_quasistatic(held, [0, 0.5, 1]).final, contact=None, t=0.0)
+    assert terms[0].touched(start, held.space) > 0.2
+    free, frames = cf.Model([rod], [cf.Clamp(rod, "end")], terms), []
+
+    def look(run):
+        frames.append(centreline(free, rod, run.state, 20)[:, 2])
+
+    history = cf.solve_dynamic(free, 0.16, start=start, step=cf.FixedStep(2e-3), rho_inf=0.5, callback=look)
+    assert history.status == "converged"
+    assert min(frame.min() for frame in frames) > (1 - 1e-3) * a
+    assert frames[0][0] > 0.19 > 0.02 > min(frame[0] for frame in frames)
+
+
 # friction on a slope
 
 
