@@ -9,8 +9,8 @@ with kappa = -1/r on the drum. The drum pushes with p e and rubs with -f t at th
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import quad, solve_bvp
-from scipy.optimize import brentq
+from scipy.integrate import quad, solve_bvp, solve_ivp
+from scipy.optimize import brentq, root
 from scipy.special import spherical_jn
 
 
@@ -358,6 +358,58 @@ def greenhill(tension):
     values = determinant(torques)
     first = np.nonzero(np.sign(values[1:]) != np.sign(values[:-1]))[0][0]
     return float(brentq(determinant, torques[first], torques[first + 1], xtol=1e-13))
+
+
+class KnotBraid(NamedTuple):
+    """What `knot_braid` finds for one half; lengths along the knot in parts of sqrt(2 a R)."""
+
+    friction: float  # [-] sigma: friction adds sigma mu EI / (a^(1/2) R^(3/2)) to the pull
+    line_end: float  # where contact along a line ends
+    point: float  # where the strands touch once more
+    forces: tuple[float, float, float]  # along the line, at its end, at the point, in parts of their sum
+    turn: float  # [rad] by which the strands wind along the line
+
+
+def knot_braid():
+    """Braid of a loose overhand knot, rope of radius a in a loop of radius R: a/R -> 0 (Audoly, Clauvelin & Neukirch 2007).
+
+    Two strands run along x. On the left the first is straight and the second bends with the loop, on the right the other
+    way round. With 2 a U the difference of their places and x = X sqrt(2 a R):
+        U'''' = p U, p >= 0, nonzero only where |U| = 1;  U''' -> 0 and U'' -> (-1, 0) on the left, (1, 0) on the right.
+    Their sum bends evenly and knows no contact. U winds by 3/2 turns; in the middle it is (0, 1), its first component is
+    odd and its second even. Contact is a line |X| < X1 with a force at its end, and a point X2 on each side.
+    Line: U = (cos q, sin q), so q'''' = 6 q'^2 q'' and p = q'^4 - 4 q' q''' - 3 q''^2; U'' is continuous where it ends.
+    Unknown q'(0), q'''(0), X1, X2 and both forces; at X2 |U| = 1, U.U' = 0, U'' = (1, 0) and U''' = 0 beyond.
+
+    The line force between the strands is EI (2 a U)'''' / 2; summed over the braid it is sqrt(2)/4 EI / (a^(1/2) R^(3/2))
+    times the sum of p. Each half of the rope passes it once on the way from the pull to the loop, where the tension
+    vanishes: friction adds mu times that to the pull of a knot that is tightened, and takes it away when it is loosened.
+    """
+
+    def line(slope, third, end):
+        def rates(_, y):
+            return [y[1], y[2], y[3], 6 * y[1] ** 2 * y[2], y[1] ** 4 - 4 * y[1] * y[3] - 3 * y[2] ** 2]
+
+        return solve_ivp(rates, (0, end), [np.pi / 2, slope, 0, third, 0], rtol=1e-11, atol=1e-12).y[:, -1]
+
+    def miss(v):
+        slope, third, end, force, point, last = v
+        q, w, bend, rise, _ = line(slope, third, end)
+        e, t, d = np.array([np.cos(q), np.sin(q)]), np.array([-np.sin(q), np.cos(q)]), point - end
+        first, second = w * t, bend * t - w**2 * e
+        jerk = (rise - w**3) * t + (force - 3 * w * bend) * e
+        U = e + first * d + second * d**2 / 2 + jerk * d**3 / 6
+        first, second = first + second * d + jerk * d**2 / 2, second + jerk * d
+        return [U @ U - 1, U @ first, second[0] - 1, second[1], *(jerk + last * U)]
+
+    found = root(miss, [0.8, 0.0, 0.4, 0.2, 2.7, 0.4], tol=1e-12)
+    if not found.success:
+        raise RuntimeError(found.message)
+    slope, third, end, force, point, last = map(float, found.x)
+    q, *_, pressed = line(slope, third, end)
+    forces = np.array([pressed, force, last])
+    half = float(forces.sum())
+    return KnotBraid(half / np.sqrt(2), end, point, tuple(map(float, forces / half)), float(q - np.pi / 2))
 
 
 class Mandrel(NamedTuple):

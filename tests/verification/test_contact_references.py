@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_bvp, solve_ivp
-from scipy.optimize import fsolve
+from scipy.optimize import fsolve, minimize
 from verification import contact_references as cr
 
 
@@ -324,3 +324,57 @@ def test_stick_slip():
     assert found.t[-1] == pytest.approx(ref.slip_time, rel=1e-8)
     assert (static / k - place[-1]) / v == pytest.approx(ref.stick_time, rel=1e-8)
     assert [place.max(), place.min()] == pytest.approx([ref.highest, ref.lowest], rel=1e-6)
+
+
+def test_knot_braid_is_of_least_energy(say):
+    """Found anew by making energy least among shapes out of each other's way, from a plain helix.
+
+    Energy E of one half: the integral of U''^2 / 2 less the first component of U' at its far end X = L, plus L / 2. With
+    strands of radius rho it is rho^(1/2) E, and it changes with rho by the sum of the contact forces: that sum is E / 2.
+    """
+    n, L = 70, 4.0
+    h = L / n
+    D = (
+        np.eye(n, n + 2) - 2 * np.eye(n, n + 2, 1) + np.eye(n, n + 2, 2)
+    ) / h**2  # of nodes -1 .. n, bent up to L - h / 2
+    weight = np.full(n, h)
+    weight[0] *= 0.5
+    odd = np.eye(n + 2, n + 1, -1)  # nodes -1 .. n from nodes 0 .. n
+    even = odd.copy()
+    odd[0, 1], even[0, 1] = -1, 1
+    K1, K2 = ((D @ m).T @ (weight[:, None] * (D @ m)) for m in (odd, even))
+    pull = np.zeros(n + 1)
+    pull[-2:] = -1 / h, 1 / h
+
+    def energy(v):
+        x, y = v.reshape(2, -1)
+        value = 0.5 * x @ K1 @ x + 0.5 * y @ K2 @ y - pull @ x + 0.5 * (L - 0.5 * h)
+        return value, np.concatenate([K1 @ x - pull, K2 @ y])
+
+    def room(v):
+        return (v.reshape(2, -1) ** 2).sum(0) - 1
+
+    def room_slope(v):
+        return np.hstack([np.diag(2 * a) for a in v.reshape(2, -1)])
+
+    X = np.linspace(0, L, n + 1)
+    angle = np.pi / 2 + 1.5 * np.pi * X / L
+    start = (1.1 + 0.5 * np.maximum(X - 2.5, 0) ** 2) * np.array([np.cos(angle), np.sin(angle)])
+    constraints = [
+        {"type": "ineq", "fun": room, "jac": room_slope},
+        {"type": "eq", "fun": lambda v: v[:1], "jac": lambda v: np.eye(1, len(v))},
+    ]
+    found = minimize(
+        energy,
+        start.ravel(),
+        jac=True,
+        method="SLSQP",
+        constraints=constraints,
+        options={"maxiter": 400, "ftol": 1e-10},
+    )
+    assert found.success
+    sigma, braid = 0.5 * found.fun / np.sqrt(2), cr.knot_braid()
+    say(f"sigma {braid.friction:.5f}, by least energy {sigma:.5f}; {found.nit} iterations")
+    assert sigma == pytest.approx(braid.friction, rel=0.01)
+    assert braid.friction == pytest.approx(0.492, abs=5e-4)
+    assert min(braid.forces) > 0
