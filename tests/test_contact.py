@@ -130,6 +130,43 @@ def test_barrier_becomes_harder_beside_what_lies():
     assert approach.brace(braced, energy) is braced
 
 
+def test_impact_beside_rods_that_cross():
+    """As above, of two rods that press on each other: each goes half of the way."""
+    a = cf.Rod("a", CABLE, [(-0.1, 0, 0), (0.1, 0, 0)], n_elements=5)
+    b = cf.Rod("b", CABLE, [(0, -0.1, 0.0101), (0, 0.1, 0.0101)], n_elements=5)
+    term = cf.RodContact([a, b])
+    supports = [cf.Clamp(a, end) for end in ("start", "end")]
+    down = [cf.PointLoad(b, end, (0, 0, -0.2)) for end in ("start", "end")]
+    sides = [cf.Clamp(b, 0.1, free=("z",))]
+    model = cf.Model([a, b], [*supports, *sides], [term, *down])
+    approach, state = Approach(model), cf.solve_static(model).final
+    braced = approach.brace(state, 0.01)
+    assert braced.contact.touch[term].scale > 100 * state.contact.touch[term].scale
+    before, after = (model.touching(s)[model.space[a].nodes, 2].sum() for s in (state, braced))
+    assert before == pytest.approx(0.4, rel=1e-6)
+    assert after == pytest.approx(before, rel=0.1)
+    lifts = (braced.r - state.r)[:, 2]
+    assert lifts[model.space[a].nodes].min() < 0 < lifts[model.space[b].nodes].max() < term.range
+
+
+def test_tangent_move_is_no_peeling():
+    """What an increment along a drum leaves by its curvature is to stay in touch, what it peels off is not."""
+    soft = cf.Section.round(0.01, youngs_modulus=1e6, poisson_ratio=0.3, density=1200)
+    rod = cf.Rod("rod", soft, [(-0.05, 0, 0.10502), (0.05, 0, 0.10502)], n_elements=5)
+    drum = cf.Part("drum", shape=cf.Cylinder((0, -0.1, 0), (0, 0.1, 0), 0.1))
+    term = cf.PartContact(rod, drum)
+    load = cf.LineLoad(rod, (0, 0, -100.0))
+    model = cf.Model([rod], [cf.Clamp(rod, 0.05, free=("z", "ry"))], [term, load])
+    state = cf.solve_static(model).final
+    length = term.touched(state, model.space)
+    assert length > 0.01
+    along = replace(state, r=state.r + 0.05 * np.cross((0, 1, 0), state.r))  # about the axis, but straight on
+    assert term.touched(along, model.space) < 0.1 * length
+    assert term.stays(state, along, model.space) == pytest.approx(length)
+    off = replace(state, r=state.r + (0, 0, 2 * term.range))
+    assert term.touched(off, model.space) == term.stays(state, off, model.space) == 0.0
+
+
 @pytest.mark.filterwarnings("ignore:energy ledger")
 def test_end_that_falls_while_the_rest_lies():
     """A rope held up at one end is let go: it lays itself down, and no place of it goes below the floor."""

@@ -224,7 +224,8 @@ class PartContact:
         near = self._near(space)
         found = near.find(state)
         x = (found.rows[:, 2] - self.core) / self.range
-        return near.cells.lifted(found, self.range * (raised(x, times) - x), len(state.r))
+        patch = found.element * near.n_obstacles + found.obstacle
+        return near.cells.lifted(found, self.range * raised(x, found.rows[:, 1], patch, times), len(state.r))
 
     def overlaps(self, state: State, space: Space) -> list[str]:
         """What is wrong with a state at the start: the rod inside the part."""

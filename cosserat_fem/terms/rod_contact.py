@@ -200,7 +200,9 @@ class RodContact:
         near = self._near(space)
         found = near.find(state)
         x = (found.rows[:, 2] - near.cores.ravel()[found.obstacle]) / self.range
-        return near.cells.lifted(found, 0.5 * self.range * (raised(x, times) - x), len(state.r))
+        patch = found.element * len(self.rods) ** 2 + found.obstacle
+        way = 0.5 * self.range * raised(x, found.rows[:, 1], patch, times)
+        return near.cells.lifted(found, way, len(state.r))
 
     def overlaps(self, state: State, space: Space) -> list[str]:
         """What is wrong with a state at the start: rods inside each other."""

@@ -117,7 +117,7 @@ class Cells:
         return np.einsum("kj,ja,kai->ki", powers, self.coefficients, r[self.nodes[element]])
 
     def lifted(self, found: Found, way: np.ndarray, n_nodes: int) -> np.ndarray:
-        """Ways (n_nodes, 3) [m] of nodes, which are means of those of points (K,) along their normals near them."""
+        """Ways (n_nodes, 3) [m] of nodes, which are means of those of points (K,) [m] along their normals near them."""
         powers = (found.rows[:, 0, None] - 0.5) ** np.arange(len(self.coefficients))
         weight = found.rows[:, 1, None] * (powers @ self.coefficients) ** 2
         nodes, out, sums = self.nodes[found.element], np.zeros((n_nodes, 3)), np.zeros(n_nodes)
@@ -216,21 +216,23 @@ def starting_scale(rods: list[Rod], reach: float) -> float:
     return scale
 
 
-def raised(x: np.ndarray, times: float) -> np.ndarray:
-    """Gaps (K,), in parts of the range, at which a barrier with so many times the scale presses as much as one does at x."""
+def raised(x: np.ndarray, weight: np.ndarray, group: np.ndarray, times: float) -> np.ndarray:
+    """By how much gaps x (K,), in parts of the range, of each group (K,) of points must grow for the force of all of it to be
+    the same when the scale of the barrier is so many times as large."""
 
-    def pressure(x: np.ndarray) -> np.ndarray:
-        return (x - 1.0) * (2.0 * np.log(x) + (x - 1.0) / x)
+    def force(more: np.ndarray) -> np.ndarray:
+        gap = np.minimum(x + more[which], 1.0)
+        return np.bincount(which, weight * (gap - 1.0) * (2.0 * np.log(gap) + (gap - 1.0) / gap), len(first))
 
-    inside = x < 1.0
-    wanted, low, high = pressure(x[inside]) / times, x[inside], np.ones(int(inside.sum()))
+    _, first, which = np.unique(group, return_index=True, return_inverse=True)
+    low, high = np.zeros(len(first)), np.zeros(len(first))
+    np.maximum.at(high, which, 1.0 - x)
+    wanted = force(low) / times
     for _ in range(50):
         middle = 0.5 * (low + high)
-        harder = pressure(middle) > wanted
+        harder = force(middle) > wanted
         low, high = np.where(harder, middle, low), np.where(harder, high, middle)
-    out = x.copy()
-    out[inside] = low
-    return out
+    return low[which]
 
 
 def kept_at(touch: Touch, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -62,9 +62,7 @@ def test_ratio(mu, turns, elements, allowed, validation):
     variant = f"mu {mu}, {turns} pi, {elements} elements to half a turn"
     validation.error("capstan", "thick rope on a drum, closed form", abs(error), allowed, variant=variant)
     assert (np.diff(history.friction_work("rope-drum")) > 0).all()
-    # below 15 over all; the longest wrap with most friction is found by way of soft contact at some stations
-    most = 40 if (mu, turns, elements) == (0.6, 1.9, 40) else 20
-    assert np.median([record.iterations for record in history.records]) <= most
+    assert np.median([record.iterations for record in history.records]) <= 20
     # what the ends pull, the drum takes
     load = history.contact_load("drum")[-1, :3]
     ends = history.reaction("rope.end@puller")[-1, :3] + (0, -TENSION, 0)
