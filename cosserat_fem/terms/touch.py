@@ -217,8 +217,10 @@ def starting_scale(rods: list[Rod], reach: float) -> float:
 
 
 def raised(x: np.ndarray, weight: np.ndarray, group: np.ndarray, times: float) -> np.ndarray:
-    """By how much gaps x (K,), in parts of the range, of each group (K,) of points must grow for the force of all of it to be
-    the same when the scale of the barrier is so many times as large."""
+    """How much gaps x (K,), in parts of the range, must grow for groups (K,) of them to press as before with a larger scale.
+
+    All of a group by the same; times: how many times as large the scale of the barrier is then.
+    """
 
     def force(more: np.ndarray) -> np.ndarray:
         gap = np.minimum(x + more[which], 1.0)
