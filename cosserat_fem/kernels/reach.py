@@ -9,8 +9,11 @@ outwards, so that the barrier is felt there.
 A rod bent to a wave, or another rod that has a kink, may come near at two places of one cell. A piece is halved until the
 distances at its ends and their slopes leave no room for a second smallest one.
 
-Over a mesh a cell is cut into pieces about as long as a facet is wide. Only the facets that may be the nearest somewhere on
-a piece are looked at along it.
+Over a mesh a cell is cut into pieces about half as long as a facet is wide. Only the facets that may be the nearest
+somewhere on a piece are looked at along it. Along an edge the nearest place stays on it for a while, as the rod is thick,
+and the gap is bent there: that stretch and those beside it have rules of their own, so that sums do not jump when a piece
+comes into touch. Jumps of a hundredth of what a cell bears, as with rules over the whole piece, are enough that a rope
+which slips over five hundred facets with friction finds no equilibrium; now they are 1e-4, and a thousand facets do.
 """
 
 from __future__ import annotations
@@ -33,10 +36,10 @@ SHALLOW = 0.05  # part of the range: a second smallest gap in a piece may be so 
 FINEST = 1.0 / 32.0  # part of a cell: shorter pieces are not cut for that
 FLAT = 1e-10  # of the range of the law: a change of the gap that does not count
 SLOW = 2  # steps in turn that do not halve the stretch on which the smallest gap is
-# Gauss rules on 0 .. 1: two points where a whole piece over a facet touches, four of other whole pieces; of a stretch that
-# begins or ends four from the smallest gap on, which is one of them (Radau): at a kink no other point would see it
+# Gauss rules on 0 .. 1: four points of whole pieces; of a stretch that begins or ends four from the smallest gap on, which
+# is one of them (Radau): at a kink no other point would see it. Over fine facets two where an edge is nearest, three of
+# what is beside it
 X_1, W_1 = np.array([0.0]), np.array([1.0])
-X_2, W_2 = np.array([0.21132486540518713, 0.7886751345948129]), np.array([0.5, 0.5])
 X_4, W_4 = (
     np.array([0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970262]),
     np.array([0.17392742256872679, 0.3260725774312732, 0.3260725774312732, 0.17392742256872679]),
@@ -44,6 +47,16 @@ X_4, W_4 = (
 X_END, W_END = (
     np.array([0.0, 0.2123405382391529, 0.5905331355592653, 0.9114120404872962]),
     np.array([0.0625, 0.32884431998006, 0.38819346884317135, 0.22046221117676554]),
+)
+X_2, W_2 = np.array([0.21132486540518713, 0.7886751345948129]), np.array([0.5, 0.5])
+X_3, W_3 = (
+    np.array([0.1127016653792583, 0.5, 0.8872983346207417]),
+    np.array([0.2777777777777778, 0.4444444444444444, 0.2777777777777778]),
+)
+X_END_2, W_END_2 = np.array([0.0, 2.0 / 3.0]), np.array([0.25, 0.75])
+X_END_3, W_END_3 = (
+    np.array([0.0, 0.3550510257216822, 0.8449489742783178]),
+    np.array([0.1111111111111111, 0.5124858261884216, 0.37640306270046725]),
 )
 
 
@@ -109,6 +122,34 @@ def lowest(C, a, b, fa, fb, flat, on, facets, rods, at):
             b = xi
         slow = slow + 1 if b - a > 0.5 * width else 0
     return x1
+
+
+@fused
+def edge_in(C, a, b, ga, gb, fa, fb, tilt, flat, on, facets, rods, at):
+    """As `lowest`, over facets, of the distance less tilt times xi; ga, gb, fa, fb: distances and derivatives at the ends.
+
+    Where the tangents at the ends meet, or on an edge where its own curvature says.
+    """
+    slope, out = at[1], at[2]
+    ga, gb, fa, fb = ga - tilt * a, gb - tilt * b, fa - tilt, fb - tilt
+    xi, f, bent, slow = a, fa, 0.0, 0
+    for _ in range(60):
+        width = b - a
+        xi = xi - f / bent if bent * width > fb - fa else (ga - fa * a - gb + fb * b) / (fb - fa)
+        if not a < xi < b or slow > SLOW:
+            xi = 0.5 * (a + b)
+        look(C, xi, on, facets, rods, at)
+        f, bent = out[13] - tilt, 0.0
+        for i in range(3):
+            bent += slope[i] * (out[4 + 3 * i] * slope[0] + out[5 + 3 * i] * slope[1] + out[6 + 3 * i] * slope[2])
+        if abs(f) * width < flat or f * f < flat * bent:
+            break
+        if f < 0.0:
+            a, ga, fa = xi, out[0] - tilt * xi, f
+        else:
+            b, gb, fb = xi, out[0] - tilt * xi, f
+        slow = slow + 1 if b - a > 0.5 * width else 0
+    return xi
 
 
 @fused
@@ -257,8 +298,9 @@ def find(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, runs):
         longest = max(longest, entries[m, 3] - entries[m, 2])
     lists = np.empty(longest, dtype=np.int64), np.empty(longest, dtype=np.int64)
     at = np.empty(3), np.empty(3), np.empty(OUT)
+    sides = np.empty((2, 3))
     count, nearest, where, place = go_along(
-        entries, line, tips, h, r, obstacles, mesh, rods, rows, owners[0], C, lists, at
+        entries, line, tips, h, r, obstacles, mesh, rods, rows, owners[0], C, lists, at, sides
     )  # fmt: skip
     touched = name_owners(entries, line[0], min(count, rows.shape[0]), owners, runs)
     return count, touched, nearest, where, place
@@ -282,8 +324,9 @@ def name_owners(entries, cells, count, owners, runs):
 
 
 @lean
-def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, lists, at):
-    """What `find` does, with room for the polynomial of an element, lists of triangles, and a place with its distance."""
+def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, lists, at, sides):
+    """What `find` does, with room for the polynomial of an element, lists of triangles, a place with its distance, and
+    normals at both ends of a piece (2, 3)."""
     cells, counts, conn, coefficients = line
     kinds, sizes, Q, c, levels, cores = obstacles
     of_cell, of_piece = lists
@@ -327,8 +370,8 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
             g1, f1 = out[0], out[13]
             if (rods is not None or kind == TORUS) and gb + g1 - way_to(C, begin, end, y, slope) < 2.0 * level:
                 pieces = ON_STRAND
-        cell_before, b, goal, piece = cell, begin, begin, 0
-        bend, shallow = -1.0, SHALLOW * (level - cores[o])
+        cell_before, b, goal, piece, fine = cell, begin, begin, 0, faceted and pieces > 1
+        bend, shallow, flat = -1.0, SHALLOW * (level - cores[o]), FLAT * (level - cores[o])
         while b < end:
             a = b
             if a == goal:
@@ -339,15 +382,18 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
                     triangles(facets, index, 0, 0, y, out)  # the last nearest one alone: no nearer than the nearest
                     last, few = along_piece(facets, of_cell, n_cell, y, out[0] + 2.0 * half, of_piece), of_piece
                 on = (kind, size, few, first, last)
-                if faceted and a == begin and not goes_on:
+                if faceted and a == begin:
                     look(C, a, on, facets, rods, at)
                     gb, fb = out[0], out[13]
+                    sides[1, 0], sides[1, 1], sides[1, 2] = out[1], out[2], out[3]
             b, ga, fa, then, kinked = goal, gb, fb, now, False
+            sides[0, 0], sides[0, 1], sides[0, 2] = sides[1, 0], sides[1, 1], sides[1, 2]
             while True:
                 w = b - a
                 if faceted or rods is not None or b < end:
                     look(C, b, on, facets, rods, at)
                     gb, fb = out[0], out[13]
+                    sides[1, 0], sides[1, 1], sides[1, 2] = out[1], out[2], out[3]
                     if rods is not None:
                         off, now = max(off, strand_sag(slope, out)), int(out[17])
                         # elements meet in a kink, and on its inner side there is a smallest distance from either
@@ -362,6 +408,14 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
                     if ga + gb - way >= 2.0 * level:
                         break
                     off = hole_sag(C, a, way, size[0], y, slope) / (w * w)
+                elif fine and min(ga, gb) < level:
+                    if max(ga, gb) < level and fa > 0.0 > fb:  # over the middle of a facet it may be out of reach
+                        top = a + w * fa / (fa - fb)
+                        look(C, top, on, facets, rods, at)
+                        if out[0] >= level:
+                            b, gb, fb = top, out[0], out[13]
+                            sides[1, 0], sides[1, 1], sides[1, 2] = out[1], out[2], out[3]
+                    break
                 elif ga < level and gb < level:
                     break
                 if bend < 0.0:
@@ -378,30 +432,77 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
                     )  # fmt: skip
             bottom, g = a if ga < gb else b, min(ga, gb)
             if fa < 0.0 < fb:
-                bottom = lowest(C, a, b, fa, fb, FLAT * (level - cores[o]), on, facets, rods, at)
+                if fine:
+                    bottom = edge_in(C, a, b, ga, gb, fa, fb, 0.0, flat, on, facets, rods, at)
+                else:
+                    bottom = lowest(C, a, b, fa, fb, flat, on, facets, rods, at)
                 g = min(g, out[0])
+            edge = bottom  # or where the rod is bent most about an edge, if it does not come nearest there
+            if fine and not fa < 0.0 < fb and fa < fb and g < level:
+                edge = edge_in(C, a, b, ga, gb, fa, fb, 0.5 * (fa + fb), flat, on, facets, rods, at)
             if g - cores[o] < nearest:
                 nearest, where, place = g - cores[o], m, bottom
             if g < level:
-                X, W = (X_2, W_2) if faceted and pieces > 1 else (X_4, W_4)
                 count = add_piece(
-                    C, a, b, ga < level, gb < level, bottom, level, h[e], X, W, Q[o], on, facets, rods, at, count, m,
-                    rows, owners,
+                    C, a, b, ga < level, gb < level, bottom, edge, level, h[e], fine, sides, Q[o], on, facets,
+                    rods, at, count, m, rows, owners,
                 )  # fmt: skip
     return count, nearest, where, place
 
 
 @fused
-def add_piece(C, a, b, in_a, in_b, bottom, level, h, X, W, Q, on, facets, rods, at, count, m, rows, owners):
+def over_edge(middle, begin, end, sides, at):
+    """Where the nearest place goes on to the edge that `at` tells of, at `middle`, and off it again, between begin and end.
+
+    sides (2, 3): normals of the faces before and after it. The plane through the edge, normal to a face, parts where that is
+    nearest from where the edge is; the rod is taken as straight.
+    """
+    slope, out = at[1], at[2]
+    last, next = middle, middle
+    for k in range(2):
+        cos = out[1] * sides[k, 0] + out[2] * sides[k, 1] + out[3] * sides[k, 2]
+        sin2, run = 0.0, 0.0
+        for i in range(3):
+            across = out[1 + i] - cos * sides[k, i]
+            sin2 += across * across
+            run += slope[i] * across
+        if k == 0 and run > 0.0:
+            last = max(begin, middle - out[0] * sin2 / run)
+        if k == 1 and run < 0.0:
+            next = min(end, middle - out[0] * sin2 / run)
+    return last, next
+
+
+@fused
+def add_piece(
+    C, a, b, in_a, in_b, bottom, edge, level, h, fine, sides, Q, on, facets, rods, at, count, m, rows, owners
+):
     """Gauss points of a piece with its smallest distance, which is below `level`, at `bottom`; in_a, in_b: so are its ends.
 
-    A whole piece has the rule X, W wherever its smallest distance is: nothing jumps when that goes over into the next one.
+    A whole piece has one rule wherever its smallest distance is: nothing jumps when that goes over into the next one. fine:
+    over facets, where the piece is split at `edge`, which is what `at` tells of if the piece is whole; see `over_edge`.
     """
-    if in_a and in_b:
-        return add_stretch(C, a, b, h, X, W, Q, on, facets, rods, at, count, m, rows, owners)
+    whole = in_a and in_b
+    if whole and not fine:
+        return add_stretch(C, a, b, h, X_4, W_4, Q, on, facets, rods, at, count, m, rows, owners)
+    if whole and not a < edge < b:
+        return add_stretch(C, a, b, h, X_3, W_3, Q, on, facets, rods, at, count, m, rows, owners)
+    begin = a if in_a else root(C, bottom, a, level, on, facets, rods, at)
+    end = b if in_b else root(C, bottom, b, level, on, facets, rods, at)
+    middle = edge if begin < edge < end else bottom
+    last, next = middle, middle
+    if fine:
+        if not whole:
+            look(C, middle, on, facets, rods, at)
+        last, next = over_edge(middle, begin, end, sides, at)
+        if last == begin and next == end:
+            last, next = middle, middle
+        elif whole:
+            count = add_stretch(C, last, next, h, X_2, W_2, Q, on, facets, rods, at, count, m, rows, owners)
     for k in range(2):
-        far, inside = (a, in_a) if k == 0 else (b, in_b)
-        if not inside:
-            far = root(C, bottom, far, level, on, facets, rods, at)
-        count = add_stretch(C, bottom, far, h, X_END, W_END, Q, on, facets, rods, at, count, m, rows, owners)
+        near, far = (last, begin) if k == 0 else (next, end)
+        X, W = (X_END_3, W_END_3) if fine else (X_END, W_END)
+        count = add_stretch(C, near, far, h, X, W, Q, on, facets, rods, at, count, m, rows, owners)
+        if not whole:
+            count = add_stretch(C, middle, near, h, X_END_2, W_END_2, Q, on, facets, rods, at, count, m, rows, owners)
     return count

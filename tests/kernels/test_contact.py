@@ -18,7 +18,7 @@ from cosserat_fem.kernels.shapes import closed_form, facets, triangles
 from cosserat_fem.kernels.triangles import triangle_distance
 from cosserat_fem.space import Contact, Touch
 from cosserat_fem.terms.touch import renewed
-from helpers import write_obj
+from helpers import drum_mesh, write_obj
 
 SHAPES = {
     "plane": cf.Plane((0.1, 0.2, -0.3), (1, 2, -0.5)),
@@ -611,6 +611,55 @@ def test_stretches(shape, order):
     assert found.rows[:, 2] == pytest.approx(
         shape.distance(cells.places(found.element, found.rows[:, 0], state.r)), abs=1e-14
     )
+
+
+def gaps_over_facets(places, facets, edges):
+    """Distance (n,) from places (n, 3) to the sides of a prism about y with as many facets, its edges so far from y."""
+    pitch = 2 * np.pi / facets
+    place = np.hypot(places[:, 0], places[:, 2])
+    off = (np.arctan2(places[:, 2], places[:, 0]) - 0.5 * pitch) % pitch  # from the edge before it
+    distance = np.full(len(places), np.inf)
+    for k in (-1, 0, 1):
+        begin = edges * np.array([np.cos(k * pitch), np.sin(k * pitch)])
+        way = edges * np.array([np.cos((k + 1) * pitch), np.sin((k + 1) * pitch)]) - begin
+        away = np.stack([place * np.cos(off), place * np.sin(off)], axis=1) - begin
+        part = np.clip(away @ way / (way @ way), 0, 1)
+        distance = np.minimum(distance, np.linalg.norm(away - part[:, None] * way, axis=1))
+    return distance
+
+
+@pytest.mark.parametrize("facets", [128, 256, 512, 1024])
+def test_stretches_over_facets(facets, tmp_path):
+    """Pressure on each cell of a rod that lies on a drum of flat facets and lifts off it, wherever the edges are, against a
+    dense sum. Pressure falls to a tenth within half a facet, and an edge is what is nearest for some hundredths of it."""
+    drum = drum_mesh(tmp_path / "drum.obj", 0.1, facets)
+    edges = 0.1 * np.sqrt(2 * np.pi / facets / np.sin(2 * np.pi / facets))
+    flatter, angle = 1.05 * edges, np.linspace(-0.15, 0.15, 200)
+    points = np.c_[flatter * np.sin(angle), 0 * angle, edges + 0.002 - 0.7e-6 - flatter * (1 - np.cos(angle))]
+    section = cf.Section.round(0.004, youngs_modulus=1e7, poisson_ratio=0.3, density=1000)
+    rod = cf.Rod("r", section, points, n_elements=3, order=3)
+    term = cf.PartContact(rod, drum)
+    model = cf.Model([rod], [], [term])
+    start, cells, n = model.initial_state(), term._near(model.space).cells, 5000
+
+    def pressures(gaps):
+        values = np.zeros((len(gaps), 6))
+        laws(gaps - term.core, term.range, 1.0, 0.0, 1.0, values)
+        return values[:, 0]
+
+    found, dense = [], []
+    for turn in 2 * np.pi / facets * np.linspace(0, 1, 20, endpoint=False):
+        state = replace(start, r=start.r @ Rotation.from_rotvec([0, turn, 0]).as_matrix().T)
+        near = term._near(model.space).find(state)
+        found.append(np.bincount(near.cell, near.rows[:, 1] * pressures(near.rows[:, 2]), len(cells.cells)))
+        dense.append([])
+        for element, number in cells.cells:
+            xi = (number + (np.arange(n) + 0.5) / n) / cells.counts[element]
+            gaps = gaps_over_facets(cells.places(np.full(n, element), xi, state.r), facets, edges)
+            dense[-1].append(cells.h[element] / cells.counts[element] * pressures(gaps).mean())
+    dense = np.array(dense)
+    assert (np.array(found) > 0).sum() > 30
+    assert abs(np.array(found) - dense).max() < 1e-2 * dense.max()
 
 
 def test_no_jump_as_a_patch_moves():
