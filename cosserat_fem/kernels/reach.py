@@ -382,7 +382,7 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
                     triangles(facets, index, 0, 0, y, out)  # the last nearest one alone: no nearer than the nearest
                     last, few = along_piece(facets, of_cell, n_cell, y, out[0] + 2.0 * half, of_piece), of_piece
                 on = (kind, size, few, first, last)
-                if faceted and a == begin:
+                if faceted and a == begin and not goes_on:
                     look(C, a, on, facets, rods, at)
                     gb, fb = out[0], out[13]
                     sides[1, 0], sides[1, 1], sides[1, 2] = out[1], out[2], out[3]
@@ -431,15 +431,18 @@ def go_along(entries, line, tips, h, r, obstacles, mesh, rods, rows, owners, C, 
                         C, xi, xi + tip / h[e], h[e], X_1, W_1, Q[o], on, facets, rods, at, count, m, rows, owners
                     )  # fmt: skip
             bottom, g = a if ga < gb else b, min(ga, gb)
-            if fa < 0.0 < fb:
-                if fine:
-                    bottom = edge_in(C, a, b, ga, gb, fa, fb, 0.0, flat, on, facets, rods, at)
-                else:
-                    bottom = lowest(C, a, b, fa, fb, flat, on, facets, rods, at)
+            edge, dips = bottom, fa < 0.0 < fb
+            if fine and (
+                dips or (fa < fb and g < level)
+            ):  # the rod is bent about an edge, if it comes nearest there or not
+                tilt = 0.0 if dips else 0.5 * (fa + fb)
+                edge = edge_in(C, a, b, ga, gb, fa, fb, tilt, flat, on, facets, rods, at)
+                if dips:
+                    bottom = edge
+            elif dips:
+                bottom = lowest(C, a, b, fa, fb, flat, on, facets, rods, at)
+            if dips:
                 g = min(g, out[0])
-            edge = bottom  # or where the rod is bent most about an edge, if it does not come nearest there
-            if fine and not fa < 0.0 < fb and fa < fb and g < level:
-                edge = edge_in(C, a, b, ga, gb, fa, fb, 0.5 * (fa + fb), flat, on, facets, rods, at)
             if g - cores[o] < nearest:
                 nearest, where, place = g - cores[o], m, bottom
             if g < level:
@@ -483,26 +486,31 @@ def add_piece(
     over facets, where the piece is split at `edge`, which is what `at` tells of if the piece is whole; see `over_edge`.
     """
     whole = in_a and in_b
-    if whole and not fine:
-        return add_stretch(C, a, b, h, X_4, W_4, Q, on, facets, rods, at, count, m, rows, owners)
-    if whole and not a < edge < b:
-        return add_stretch(C, a, b, h, X_3, W_3, Q, on, facets, rods, at, count, m, rows, owners)
-    begin = a if in_a else root(C, bottom, a, level, on, facets, rods, at)
-    end = b if in_b else root(C, bottom, b, level, on, facets, rods, at)
-    middle = edge if begin < edge < end else bottom
-    last, next = middle, middle
-    if fine:
-        if not whole:
-            look(C, middle, on, facets, rods, at)
-        last, next = over_edge(middle, begin, end, sides, at)
-        if last == begin and next == end:
-            last, next = middle, middle
-        elif whole:
-            count = add_stretch(C, last, next, h, X_2, W_2, Q, on, facets, rods, at, count, m, rows, owners)
+    single = whole and not (fine and a < edge < b)
+    begin, end, last, next, middle = a, b, a, b, edge
     for k in range(2):
-        near, far = (last, begin) if k == 0 else (next, end)
-        X, W = (X_END_3, W_END_3) if fine else (X_END, W_END)
+        if not (in_a if k == 0 else in_b):
+            far = root(C, bottom, a if k == 0 else b, level, on, facets, rods, at)
+            begin, end = (far, end) if k == 0 else (begin, far)
+    if not single:
+        if not begin < edge < end:
+            middle = bottom
+        last, next = middle, middle
+        if fine:
+            if not whole:
+                look(C, middle, on, facets, rods, at)
+            last, next = over_edge(middle, begin, end, sides, at)
+            if last == begin and next == end:
+                last, next = middle, middle
+    for k in range(0 if whole else 1, 1 if single else 3 if whole else 5):
+        if k == 0:  # all of it, or where an edge is nearest
+            near, far = last, next
+            X, W = (X_2, W_2) if not single else (X_3, W_3) if fine else (X_4, W_4)
+        elif k < 3:  # beside that
+            near, far = (last, begin) if k == 1 else (next, end)
+            X, W = (X_END_3, W_END_3) if fine else (X_END, W_END)
+        else:  # from where it comes nearest, so that the barrier is felt there
+            near, far = middle, last if k == 3 else next
+            X, W = X_END_2, W_END_2
         count = add_stretch(C, near, far, h, X, W, Q, on, facets, rods, at, count, m, rows, owners)
-        if not whole:
-            count = add_stretch(C, middle, near, h, X_END_2, W_END_2, Q, on, facets, rods, at, count, m, rows, owners)
     return count
