@@ -37,8 +37,8 @@ FINEST = 1.0 / 32.0  # part of a cell: shorter pieces are not cut for that
 FLAT = 1e-10  # of the range of the law: a change of the gap that does not count
 SLOW = 2  # steps in turn that do not halve the stretch on which the smallest gap is
 # Gauss rules on 0 .. 1: four points of whole pieces; of a stretch that begins or ends four from the smallest gap on, which
-# is one of them (Radau): at a kink no other point would see it. Over fine facets two where an edge is nearest, three of
-# what is beside it
+# is one of them (Radau): at a kink no other point would see it. Over fine facets three where an edge is nearest and three
+# of what is beside it
 X_1, W_1 = np.array([0.0]), np.array([1.0])
 X_4, W_4 = (
     np.array([0.06943184420297371, 0.33000947820757187, 0.6699905217924281, 0.9305681557970262]),
@@ -48,12 +48,10 @@ X_END, W_END = (
     np.array([0.0, 0.2123405382391529, 0.5905331355592653, 0.9114120404872962]),
     np.array([0.0625, 0.32884431998006, 0.38819346884317135, 0.22046221117676554]),
 )
-X_2, W_2 = np.array([0.21132486540518713, 0.7886751345948129]), np.array([0.5, 0.5])
 X_3, W_3 = (
     np.array([0.1127016653792583, 0.5, 0.8872983346207417]),
     np.array([0.2777777777777778, 0.4444444444444444, 0.2777777777777778]),
 )
-X_END_2, W_END_2 = np.array([0.0, 2.0 / 3.0]), np.array([0.25, 0.75])
 X_END_3, W_END_3 = (
     np.array([0.0, 0.3550510257216822, 0.8449489742783178]),
     np.array([0.1111111111111111, 0.5124858261884216, 0.37640306270046725]),
@@ -500,17 +498,14 @@ def add_piece(
             if not whole:
                 look(C, middle, on, facets, rods, at)
             last, next = over_edge(middle, begin, end, sides, at)
-            if last == begin and next == end:
-                last, next = middle, middle
     for k in range(0 if whole else 1, 1 if single else 3 if whole else 5):
+        X, W = (X_END_3, W_END_3) if fine else (X_END, W_END)
         if k == 0:  # all of it, or where an edge is nearest
             near, far = last, next
-            X, W = (X_2, W_2) if not single else (X_3, W_3) if fine else (X_4, W_4)
+            X, W = (X_3, W_3) if fine else (X_4, W_4)
         elif k < 3:  # beside that
             near, far = (last, begin) if k == 1 else (next, end)
-            X, W = (X_END_3, W_END_3) if fine else (X_END, W_END)
         else:  # from where it comes nearest, so that the barrier is felt there
             near, far = middle, last if k == 3 else next
-            X, W = X_END_2, W_END_2
         count = add_stretch(C, near, far, h, X, W, Q, on, facets, rods, at, count, m, rows, owners)
     return count

@@ -628,13 +628,17 @@ def gaps_over_facets(places, facets, edges):
     return distance
 
 
-@pytest.mark.parametrize("facets", [128, 256, 512, 1024])
-def test_stretches_over_facets(facets, tmp_path):
+@pytest.mark.parametrize(
+    ("radius", "facets", "allowed"),
+    [(0.1, 128, 0.01), (0.1, 256, 0.01), (0.1, 512, 0.01), (0.1, 1024, 0.01), (0.004, 64, 0.04)],
+)
+def test_stretches_over_facets(radius, facets, allowed, tmp_path):
     """Pressure on each cell of a rod that lies on a drum of flat facets and lifts off it, wherever the edges are, against a
-    dense sum. Pressure falls to a tenth within half a facet, and an edge is what is nearest for some hundredths of it."""
-    drum = drum_mesh(tmp_path / "drum.obj", 0.1, facets)
-    edges = 0.1 * np.sqrt(2 * np.pi / facets / np.sin(2 * np.pi / facets))
-    flatter, angle = 1.05 * edges, np.linspace(-0.15, 0.15, 200)
+    dense sum. Pressure falls to a tenth within half a facet; an edge is what is nearest for some hundredths of one, or half."""
+    drum = drum_mesh(tmp_path / "drum.obj", radius, facets)
+    edges = radius * np.sqrt(2 * np.pi / facets / np.sin(2 * np.pi / facets))
+    half = 0.16 if radius > 0.01 else 1.0
+    flatter, angle = 1.05 * edges + 0.002, np.linspace(-half, half, 200)
     points = np.c_[flatter * np.sin(angle), 0 * angle, edges + 0.002 - 0.7e-6 - flatter * (1 - np.cos(angle))]
     section = cf.Section.round(0.004, youngs_modulus=1e7, poisson_ratio=0.3, density=1000)
     rod = cf.Rod("r", section, points, n_elements=3, order=3)
@@ -658,8 +662,8 @@ def test_stretches_over_facets(facets, tmp_path):
             gaps = gaps_over_facets(cells.places(np.full(n, element), xi, state.r), facets, edges)
             dense[-1].append(cells.h[element] / cells.counts[element] * pressures(gaps).mean())
     dense = np.array(dense)
-    assert (np.array(found) > 0).sum() > 30
-    assert abs(np.array(found) - dense).max() < 1e-2 * dense.max()
+    assert (np.array(found) > 0).sum() >= 20
+    assert abs(np.array(found) - dense).max() < allowed * dense.max()
 
 
 def test_no_jump_as_a_patch_moves():
