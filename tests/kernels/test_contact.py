@@ -634,7 +634,7 @@ def gaps_over_facets(places, facets, edges):
 )
 def test_stretches_over_facets(radius, facets, allowed, tmp_path):
     """Pressure on each cell of a rod that lies on a drum of flat facets and lifts off it, wherever the edges are, against a
-    dense sum. Pressure falls to a tenth within half a facet; an edge is what is nearest for some hundredths of one, or half."""
+    dense sum. Pressure falls to a tenth within half a facet; an edge is nearest for some hundredths of one, or for half."""
     drum = drum_mesh(tmp_path / "drum.obj", radius, facets)
     edges = radius * np.sqrt(2 * np.pi / facets / np.sin(2 * np.pi / facets))
     half = 0.16 if radius > 0.01 else 1.0
